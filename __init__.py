@@ -1,0 +1,1 @@
+"""Gymnasium environments for task-level control of agricultural parallel robots."""

@@ -1,0 +1,7 @@
+"""Closed-form kinematics, statics, workspaces and accuracy of the parallel mechanisms. NumPy only."""
+
+from .errors import UnreachablePoseError
+from .five_bar import FiveBar
+from .workspace import PlanarWorkspace
+
+__all__ = ["FiveBar", "PlanarWorkspace", "UnreachablePoseError"]
