@@ -1,0 +1,1 @@
+"""Suites, runner, statistics, tables and plots; the reproduction of the papers' published results."""

@@ -1,0 +1,1 @@
+"""The `fieldgym` command and the scripts it is made of."""
