@@ -1,0 +1,69 @@
+# make benchmark   the scripted policies on the papers' protocols, in PyBullet; the table ends up in results/quick/
+# make test        the tests
+# make lint        ruff and pyright
+# make clean       delete what the other targets made, the results excepted
+#
+# Each target first makes the virtual environment that it needs, once. Another place for it, another Python:
+#   make test VENV=/tmp/venv PYTHON=python3.10
+
+VENV ?= .venv
+PYTHON ?=
+EXTRAS ?= dev
+JOBS ?= 2
+
+# Nothing of an active environment may leak into ours.
+unexport PYTHONPATH
+unexport PYTHONHOME
+unexport VIRTUAL_ENV
+unexport CONDA_PREFIX
+
+BIN := $(VENV)/bin
+INPUTS := pyproject.toml constraints.txt Makefile
+CORE := $(VENV)/.fieldgym-core
+FULL := $(VENV)/.fieldgym-$(EXTRAS)
+
+.PHONY: benchmark test lint setup clean
+.DEFAULT_GOAL := benchmark
+
+benchmark: $(CORE)
+	$(BIN)/fieldgym benchmark --suite quick --out results
+
+test: $(FULL)
+	$(BIN)/python -m pytest -n $(JOBS)
+
+lint: $(FULL)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+setup: $(FULL)
+
+$(CORE): $(INPUTS) | $(BIN)/python
+	@echo "Installing fieldgym into $(VENV), once"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --upgrade pip
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable .
+	@# Static tools cannot follow an editable install of this layout, but they can follow a link to the tree.
+	@mkdir -p $(VENV)/src && ln -sfn "$(CURDIR)" $(VENV)/src/fieldgym
+	@cd $(VENV)/src && pwd > "$$(../bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/fieldgym-src.pth"
+	@touch $@
+
+$(FULL): $(CORE)
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable ".[$(EXTRAS)]"
+	@touch $@
+
+$(BIN)/python:
+	@for python in $(if $(PYTHON),"$(PYTHON)",python3.11 python3.10 python3 python); do \
+	    if "$$python" -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info[:2] < (3, 12))' \
+	            >/dev/null 2>&1; then \
+	        echo "Making $(VENV) with $$("$$python" --version)"; \
+	        exec "$$python" -m venv "$(VENV)"; \
+	    fi; \
+	done; \
+	echo "fieldgym needs Python 3.10 or 3.11 with its venv and ensurepip modules," \
+	     "and $(if $(PYTHON),$(PYTHON) is not that,none was found)." >&2; \
+	echo "Install one (Debian, Ubuntu: apt-get install python3.11-venv) or name one: make PYTHON=/path/to/python3.11" >&2; \
+	exit 1
+
+clean:
+	rm -rf "$(VENV)" build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
