@@ -1,0 +1,1 @@
+"""Picking safflower filaments with a planar five-bar on a cart that stops."""

@@ -1,0 +1,279 @@
+"""Draws fields of safflower: where the heads are, how they bloom, and what a camera would report of them.
+
+Each world hands over one block of uniform and one of normal numbers from its own generator; everything else is array
+arithmetic over the worlds, so a world's field does not depend on how many worlds are drawn beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ...mechanisms import FiveBar
+from ..core import Array
+from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig, ScenarioConfig
+
+_PRIMARY_HEADS = 5
+_BATCH_DAYS = 4.5
+"""Days between the flowering batches [published: each lasts 4 to 5 days]."""
+_FRESH_DAYS, _OPEN_DAYS = 3.0, 6.0
+"""Florets open within 3-4 days; filaments are dry and hard after day 6 [published]."""
+_FRESH_SHARE = 0.6
+"""Share of fresh heads among the open ones that are presented in pots [assumed]."""
+_SPREAD_M, _SPREAD_SIGMA = 0.04785, 0.078
+"""Filament spread, mean and relative deviation [published: 47.85 +- 3.73 mm]."""
+_SIZE_SHARE = 0.7
+"""Correlation of a head's size with the logarithm of its mass [assumed]."""
+_REACH_RESERVE_M = 0.012
+"""Room that the potted plants leave to the workspace's edge [assumed: pots are turned to fit]."""
+_FALSE_RESERVE = 4.0
+
+
+@dataclass(frozen=True)
+class Heads:
+    """True heads of R worlds, N slots each; what does not exist has no mass and lies at the origin.
+
+    Attributes:
+        position: (R, N, 3), world metres (along, across, up).
+        exists: (R, N).
+        stage: (R, N), index into ``STAGES``.
+        mass_g: (R, N), useful filaments: open heads only.
+        size_m: (R, N), filament spread.
+        occluded: (R, N).
+        cut_luck: (R, N), standard normal.
+        drop_luck: (R, N), standard normal.
+    """
+
+    position: Array
+    exists: NDArray[np.bool_]
+    stage: NDArray[np.int64]
+    mass_g: Array
+    size_m: Array
+    occluded: NDArray[np.bool_]
+    cut_luck: Array
+    drop_luck: Array
+
+
+@dataclass(frozen=True)
+class Plants:
+    """Plants of R worlds, P each: ``base`` (R, P, 3) where the stem leaves the ground, ``height_m``, ``crown_m``."""
+
+    base: Array
+    height_m: Array
+    crown_m: Array
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """What the camera reports, M slots a world, in the fixed order: by stop, lane by lane, to and fro.
+
+    Attributes:
+        position: (R, M, 3), reported world position.
+        stage: (R, M), reported stage.
+        size_m: (R, M), reported filament spread.
+        head: (R, M), index of the true head, N where there is none.
+        first: (R, S + 1), index of each stop's first report; the last entry ends the last stop.
+    """
+
+    position: Array
+    stage: NDArray[np.int64]
+    size_m: Array
+    head: NDArray[np.int64]
+    first: NDArray[np.int64]
+
+
+class _Block:
+    """Hands out columns of the worlds' random blocks in a fixed order."""
+
+    def __init__(self, numbers: Array):
+        self.numbers = numbers
+        self.used = 0
+
+    def take(self, *shape: int) -> Array:
+        count = int(np.prod(shape))
+        part = self.numbers[:, self.used : self.used + count]
+        self.used += count
+        return part.reshape(len(self.numbers), *shape)
+
+
+@lru_cache(maxsize=32)
+def _count_table(scenario: ScenarioConfig) -> Array:
+    """Cumulative probabilities of 0, 1, ... heads on a plant."""
+    counts = np.arange(scenario.max_heads)
+    if scenario.dispersion == 0.0:
+        return counts / scenario.max_heads
+    success = scenario.dispersion / (scenario.dispersion + scenario.mean_heads)
+    return stats.nbinom.cdf(counts, scenario.dispersion, success)
+
+
+@lru_cache(maxsize=32)
+def false_table(mean: float) -> Array:
+    """Cumulative Poisson probabilities of 0, 1, ... false reports, up to where they no longer matter."""
+    slots = int(np.ceil(mean + _FALSE_RESERVE * np.sqrt(mean) + 1.0)) if mean > 0.0 else 0
+    return stats.poisson.cdf(np.arange(slots), mean)
+
+
+@lru_cache(maxsize=8)
+def reach_table(bar: FiveBar) -> tuple[Array, Array]:
+    """Levels below the motors (ascending) and the half width that the arm reaches there, both in metres."""
+    levels = np.arange(-0.60, 0.0, 0.001)
+    widths = np.linspace(0.0, 0.5 * bar.base_m, 400)
+    grid = np.stack(np.broadcast_arrays(0.5 * bar.base_m + widths, levels[:, None]), axis=-1)
+    gap = ~bar.reachable(grid)
+    first_gap = np.where(gap.any(axis=1), gap.argmax(axis=1), len(widths))
+    return levels, np.where(first_gap > 0, widths[np.maximum(first_gap - 1, 0)], -1.0)
+
+
+def stop_centres(scenario: ScenarioConfig) -> Array:
+    """Middle of every stop's window along the row, shape (S,), metres."""
+    offset = 0.0 if scenario.potted else 0.5 * scenario.window_m
+    return offset + scenario.window_m * np.arange(scenario.stops)
+
+
+def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[Heads, Plants]:
+    """Grow the plants of R worlds from their random blocks (R, .)."""
+    scenario = config.scenario
+    u, z = _Block(uniform), _Block(normal)
+    plants, slots = scenario.plants, scenario.max_heads
+    shape = (len(uniform), plants * slots)
+
+    table = _count_table(scenario)
+    count = np.searchsorted(table, u.take(plants), side="right")
+    number = np.arange(slots)
+    exists = number < count[..., None]
+    along = scenario.pitch_m * (np.arange(plants) + (0.0 if scenario.potted else 0.5))
+    low, high = scenario.plant_height_m
+    height_u, height_z = u.take(plants), z.take(plants)
+    height = low + (high - low) * height_u if scenario.potted else low + high * height_z
+    crown = scenario.crown_m[0] + (scenario.crown_m[1] - scenario.crown_m[0]) * u.take(plants)
+    lift = high - height if scenario.potted else np.zeros_like(height)
+    base = np.stack(np.broadcast_arrays(along, 0.0, lift), axis=-1)
+
+    batch = np.minimum((number + _PRIMARY_HEADS - 1) // _PRIMARY_HEADS, 2)
+    drop = np.asarray(scenario.head_drop_m)[batch] * u.take(plants, slots)
+    up = (lift + height)[..., None] - drop
+    ahead_u, across_u = u.take(plants, slots), u.take(plants, slots)
+    if scenario.potted:
+        # Stems of a pot stand beside each other along the row; pots are turned so that the arm reaches every head.
+        ahead = crown[..., None] * ((number + ahead_u) / np.maximum(count[..., None], 1) - 0.5)
+        half = np.interp(up - scenario.motor_height_m, *reach_table(config.machine.bar)) - _REACH_RESERVE_M
+        across = (2.0 * across_u - 1.0) * np.minimum(0.5 * crown[..., None], half)
+    else:
+        radius = 0.5 * crown[..., None] * np.sqrt(ahead_u)
+        ahead, across = radius * np.cos(2.0 * np.pi * across_u), radius * np.sin(2.0 * np.pi * across_u)
+    position = np.stack([along[:, None] + ahead, across, up], axis=-1)
+
+    if scenario.potted:
+        stage = np.where(u.take(plants, slots) < _FRESH_SHARE, 1, 2)
+    else:
+        day = scenario.visit_day[0] + (scenario.visit_day[1] - scenario.visit_day[0]) * u.take(1)
+        age = day[..., None] - _BATCH_DAYS * batch - z.take(plants)[..., None] - z.take(plants, slots)
+        stage = (age > 0.0).astype(np.int64) + (age > _FRESH_DAYS) + (age > _OPEN_DAYS)
+    size_z, mass_z = z.take(plants, slots), z.take(plants, slots)
+    size = _SPREAD_M * (1.0 + _SPREAD_SIGMA * size_z)
+    spread = config.head_mass_spread
+    mix = _SIZE_SHARE * size_z + np.sqrt(1.0 - _SIZE_SHARE**2) * mass_z
+    mass = config.head_mass_g * np.exp(spread * mix - 0.5 * spread**2)
+    is_open = exists & ((stage == OPEN_STAGES[0]) | (stage == OPEN_STAGES[1]))
+    occluded = u.take(plants, slots) < scenario.occluded
+    return (
+        Heads(
+            position=np.where(exists[..., None], position, 0.0).reshape(*shape, 3),
+            exists=exists.reshape(shape),
+            stage=np.where(exists, stage, 0).reshape(shape),
+            mass_g=np.where(is_open, mass, 0.0).reshape(shape),
+            size_m=size.reshape(shape),
+            occluded=(exists & occluded).reshape(shape),
+            cut_luck=z.take(*shape[1:]),
+            drop_luck=z.take(*shape[1:]),
+        ),
+        Plants(base, height, crown),
+    )
+
+
+def draw_tracks(
+    config: SafflowerConfig, perception: PerceptionModel, heads: Heads, uniform: Array, normal: Array
+) -> Tracks:
+    """What the statistical camera reports of R worlds, from random blocks (R, .) of its own."""
+    scenario = config.scenario
+    u, z = _Block(uniform), _Block(normal)
+    heads_n = heads.exists.shape[1]
+    recall = np.asarray(perception.recall)[heads.occluded.astype(np.int64), heads.stage]
+    seen = heads.exists & (u.take(heads_n) < recall)
+    position = heads.position + np.asarray(perception.bias_m) + np.asarray(perception.sigma_m) * z.take(heads_n, 3)
+    limits = np.cumsum(np.asarray(perception.stage_confusion), axis=1)[:, :-1]
+    stage = np.sum(u.take(heads_n)[..., None] > limits[heads.stage], axis=-1)
+    size = heads.size_m * (1.0 + perception.size_sigma * z.take(heads_n))
+
+    table = false_table(perception.false_per_stop * scenario.stops)
+    ghosts = len(table)
+    ghost_seen = np.arange(ghosts) < np.searchsorted(table, u.take(1)[:, 0], side="right")[:, None]
+    centres = stop_centres(scenario)
+    span = scenario.stops * scenario.window_m
+    ghost_along = centres[0] - 0.5 * scenario.window_m + span * u.take(ghosts)
+    ghost_across = 0.12 * (2.0 * u.take(ghosts) - 1.0)
+    top = scenario.motor_height_m + config.machine.clear_level_m
+    ghost_up = top - 0.04 - 0.10 * u.take(ghosts)
+    ghost_stage = 1 + (u.take(ghosts) > 0.5).astype(np.int64)
+
+    position = np.concatenate([position, np.stack([ghost_along, ghost_across, ghost_up], axis=-1)], axis=1)
+    seen = np.concatenate([seen, ghost_seen], axis=1)
+    stage = np.concatenate([stage, ghost_stage], axis=1)
+    size = np.concatenate([size, np.full(ghost_stage.shape, _SPREAD_M)], axis=1)
+    order, first = fixed_order(config, position, seen)
+    kept = order[:, : scenario.max_tracks]
+    head = np.concatenate([np.arange(heads_n), np.full(ghosts, heads_n)])[kept]
+    return Tracks(
+        position=np.take_along_axis(position, kept[..., None], axis=1),
+        stage=np.take_along_axis(stage, kept, axis=1),
+        size_m=np.take_along_axis(size, kept, axis=1),
+        head=head,
+        first=np.minimum(first, kept.shape[1]),
+    )
+
+
+def random_numbers(config: SafflowerConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
+    """Lengths of a world's blocks: uniform and normal numbers for the field, then for the camera."""
+    plants, heads = config.scenario.plants, config.scenario.plants * config.scenario.max_heads
+    ghosts = len(false_table(perception.false_per_stop * config.scenario.stops))
+    return 3 * plants + 5 * heads + 1, 2 * plants + 5 * heads, 2 * heads + 1 + 4 * ghosts, 4 * heads
+
+
+def fixed_order(
+    config: SafflowerConfig, position: Array, seen: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Sort reports (R, M, 3) into the fixed order; unseen ones come last.
+
+    Returns:
+        The order (R, M) and each stop's first place in it (R, S + 1).
+    """
+    scenario = config.scenario
+    stops = scenario.stops
+    left = stop_centres(scenario)[0] - 0.5 * scenario.window_m
+    along = position[..., 0] - left
+    stop = np.clip(np.floor(along / scenario.window_m), 0, stops - 1)
+    lane = np.clip(np.floor((along - stop * scenario.window_m) / config.lane_m), 0, 99)
+    across = np.where(lane % 2.0 == 0.0, position[..., 1], -position[..., 1])
+    key = np.where(seen, 1000.0 * stop + 10.0 * lane + np.clip(across, -4.0, 4.0), np.inf)
+    order = np.argsort(key, axis=1, kind="stable")
+    rows = np.broadcast_to(np.arange(len(seen))[:, None], seen.shape)
+    counts = np.bincount((rows * stops + stop.astype(np.int64))[seen], minlength=len(seen) * stops)
+    first = np.concatenate([np.zeros((len(seen), 1), int), counts.reshape(-1, stops).cumsum(axis=1)], axis=1)
+    return order, first
+
+
+def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int, int, int]) -> list[Array]:
+    """One block (R, n) for each of ``random_numbers``' lengths; each world draws its own row.
+
+    The field's numbers come first, so that it is the same whatever the camera is.
+    """
+    rows = [
+        (g.random(lengths[0]), g.standard_normal(lengths[1]), g.random(lengths[2]), g.standard_normal(lengths[3]))
+        for g in generators
+    ]
+    return [np.stack(column) for column in zip(*rows, strict=True)]
