@@ -2,6 +2,7 @@
 
 from .errors import UnreachablePoseError
 from .five_bar import FiveBar
+from .three_ups_rpu import ThreeUPSRPU
 from .workspace import PlanarWorkspace
 
-__all__ = ["FiveBar", "PlanarWorkspace", "UnreachablePoseError"]
+__all__ = ["FiveBar", "PlanarWorkspace", "ThreeUPSRPU", "UnreachablePoseError"]
