@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from gymnasium import spaces
@@ -30,8 +29,7 @@ COMMON_SCORES = (
 """Scorecard keys that every task reports; tasks add their phases as ``phase_<name>_s`` and keys of their own."""
 
 
-@dataclass(frozen=True)
-class StepResult:
+class StepResult(NamedTuple):
     """What a batched decision brought.
 
     Attributes:

@@ -9,7 +9,7 @@ from ..core import Array
 from .config import ProcessConfig
 
 
-def cut_share(process: ProcessConfig, strokes: ArrayLike, radial_m: Array, height_m: Array, luck: Array) -> Array:
+def cut_share(process: ProcessConfig, strokes: ArrayLike, error_m: Array, luck: Array) -> Array:
     """Share of a head's filaments that the strokes cut.
 
     Every stroke cuts the same share of what is left; the share falls off as a Gaussian with the tool's error, and
@@ -18,16 +18,18 @@ def cut_share(process: ProcessConfig, strokes: ArrayLike, radial_m: Array, heigh
     Args:
         process: parameters of the tool.
         strokes: number of strokes, shape (...).
-        radial_m: horizontal distance of tool centre and head centre, shape (...).
-        height_m: vertical distance, shape (...).
+        error_m: head centre minus tool centre (along, across, up), shape (..., 3).
         luck: standard normal luck of the head, shape (...).
 
     Returns:
-        Shares in [0, 1], shape (...).
+        Shares in [0, 1], shape (...); zero exactly where the head is not captured.
     """
-    off = (radial_m / process.cut_radius_m) ** 2 + (height_m / process.cut_height_m) ** 2
-    uncut = (1.0 - process.stroke_cut * np.exp(-0.5 * off)) ** strokes
-    return _lucky(1.0 - uncut, process.luck_logit * luck) * (radial_m <= process.capture_radius_m)
+    square = error_m * error_m
+    radial_square = square[..., 0] + square[..., 1]
+    off = radial_square * (-0.5 / process.cut_radius_m**2) + square[..., 2] * (-0.5 / process.cut_height_m**2)
+    uncut = (1.0 - process.stroke_cut * np.exp(off)) ** strokes
+    share = _lucky(1.0 - uncut, process.luck_logit * luck)
+    return share * (radial_square <= process.capture_radius_m**2)
 
 
 def collected_share(process: ProcessConfig, suction_s: ArrayLike, luck: Array) -> Array:

@@ -207,7 +207,8 @@ def draw_tracks(
     seen = heads.exists & (u.take(heads_n) < recall)
     position = heads.position + np.asarray(perception.bias_m) + np.asarray(perception.sigma_m) * z.take(heads_n, 3)
     limits = np.cumsum(np.asarray(perception.stage_confusion), axis=1)[:, :-1]
-    stage = np.sum(u.take(heads_n)[..., None] > limits[heads.stage], axis=-1)
+    stage_u = u.take(heads_n)
+    stage = sum((stage_u > limits[:, column][heads.stage]).astype(np.int64) for column in range(limits.shape[1]))
     size = heads.size_m * (1.0 + perception.size_sigma * z.take(heads_n))
 
     table = false_table(perception.false_per_stop * scenario.stops)
