@@ -1,0 +1,218 @@
+"""Run the episodes of a suite, on one process or several, and keep each result the moment it is there."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from multiprocessing import connection, get_context, parent_process
+from pathlib import Path
+from typing import Any, Protocol
+
+from .episode import Record, failed, run_episode
+from .store import Results, manifest
+from .suites import Episode, Suite
+
+THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class RunEpisode(Protocol):
+    """What a worker calls: ``run_episode``, or a stand-in that can be pickled."""
+
+    def __call__(self, episode: Episode, cancelled: Callable[[], bool]) -> Record:
+        """Run ``episode``, asking ``cancelled`` now and then."""
+        ...
+
+
+@dataclass(frozen=True)
+class Report:
+    """How a run went.
+
+    Attributes:
+        records: every finished episode in the folder, those of earlier runs included; no failed ones.
+        failures: the records of episodes that failed in this run.
+        skipped: episodes that an earlier run had finished.
+    """
+
+    records: list[Record]
+    failures: list[Record]
+    skipped: int
+
+
+class InterruptedRunError(Exception):
+    """The run was stopped with Ctrl-C.
+
+    Attributes:
+        finished: episodes of the suite that have a result in the folder.
+        total: episodes of the suite.
+    """
+
+    def __init__(self, finished: int, total: int):
+        """Keep both counts."""
+        super().__init__(f"stopped: {finished} of {total} episodes are kept")
+        self.finished = finished
+        self.total = total
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_suite(
+    suite: Suite,
+    folder: Path,
+    jobs: int = 1,
+    resume: bool = False,
+    run: RunEpisode = run_episode,
+    on_start: Callable[[int, int], None] = lambda skipped, total: None,
+    on_record: Callable[[Record], None] = lambda record: None,
+) -> Report:
+    """Run what is missing of ``suite`` and add it to ``folder``.
+
+    The results do not depend on ``jobs``: each episode makes its own environment from its own seed.
+
+    Args:
+        suite: what to run.
+        folder: where results go, see ``Results``.
+        jobs: worker processes; with 1 the episodes run in this process.
+        resume: keep the finished episodes that lie in ``folder``.
+        run: what runs an episode.
+        on_start: called once with the number of skipped episodes and of all.
+        on_record: called with every record after it has been written.
+
+    Raises:
+        ResultsError: the folder cannot be used.
+        InterruptedRunError: Ctrl-C; what was finished is kept.
+        ValueError: ``jobs`` < 1.
+    """
+    if jobs < 1:
+        raise ValueError(f"jobs = {jobs}: give at least 1")
+    episodes = suite.episodes()
+    results = Results(folder, manifest(suite.name), resume)
+    failures: list[Record] = []
+    try:
+        done = results.finished(episodes)
+        todo = [episode for episode in episodes if episode not in done]
+        on_start(len(done), len(episodes))
+        with closing(_records(todo, min(jobs, max(len(todo), 1)), run)) as records:
+            for record in records:
+                if "error" in record:
+                    failures.append(record)
+                results.append(record)
+                on_record(record)
+    except KeyboardInterrupt:
+        raise InterruptedRunError(len(results.finished(episodes)), len(episodes)) from None
+    finally:
+        results.close()
+    return Report([record for record in results.records if "error" not in record], failures, len(done))
+
+
+def _records(todo: Sequence[Episode], jobs: int, run: RunEpisode) -> Generator[Record, None, None]:
+    if jobs > 1:
+        yield from _in_processes(todo, jobs, run)
+    else:
+        yield from (run(episode, _never) for episode in todo)
+
+
+def _never() -> bool:
+    return False
+
+
+def _in_processes(todo: Sequence[Episode], jobs: int, run: RunEpisode) -> Iterator[Record]:
+    """Yield records as workers finish them.
+
+    A worker that dies takes its whole pool with it. Only the episodes that were under way can have killed it: they run
+    again alone, and one that dies alone is the culprit and gets a failure record.
+    """
+    waiting, suspects = deque(todo), deque[Episode]()
+    while waiting:
+        yield from _until_a_worker_dies(waiting, jobs, run, suspects)
+    for suspect in suspects:
+        again, died = deque([suspect]), deque[Episode]()
+        yield from _until_a_worker_dies(again, 1, run, died)
+        if died:
+            yield failed(suspect, "the worker process died (out of memory, or a crash in native code)")
+
+
+def _until_a_worker_dies(
+    waiting: deque[Episode], jobs: int, run: RunEpisode, suspects: deque[Episode]
+) -> Iterator[Record]:
+    """Take episodes off ``waiting`` and yield their records; on a death move what was under way to ``suspects``."""
+    context = get_context("spawn")
+    stop = context.Event()
+    under_way: dict[Future[Record], Episode] = {}
+    with _one_thread_each():
+        pool = ProcessPoolExecutor(jobs, context, _prepare_worker, (stop,))
+        try:
+            while waiting or under_way:
+                while waiting and len(under_way) < 2 * jobs:
+                    with _workers_ignore_ctrl_c():
+                        under_way[pool.submit(_work, run, waiting[0])] = waiting[0]
+                    waiting.popleft()
+                finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    record = future.result()
+                    del under_way[future]
+                    yield record
+        except BrokenExecutor:
+            suspects.extend(under_way.values())
+        finally:
+            stop.set()
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _workers_ignore_ctrl_c() -> Iterator[None]:
+    """Start processes with Ctrl-C blocked: a child inherits the mask, and here it waits until the block is lifted."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let each worker's linear algebra use one thread: the workers are what fills the cores."""
+    before = {name: os.environ.get(name) for name in THREAD_LIMITS}
+    os.environ.update({name: value or "1" for name, value in before.items()})
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+
+
+_stop: Any = None
+"""In a worker: the event that ends it."""
+
+
+def _prepare_worker(stop: Any) -> None:
+    global _stop
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+
+
+def _die_with_parent() -> None:
+    """End this worker when the benchmark was killed: its queue would never tell it."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+
+def _work(run: RunEpisode, episode: Episode) -> Record:
+    return run(episode, _stop.is_set)

@@ -1,0 +1,184 @@
+"""Where results live: one line of JSON an episode, safe against being stopped at any moment, beside a manifest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import time
+from collections.abc import Iterable
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from .episode import Record, identity
+from .suites import Condition, Episode
+
+EPISODES = "episodes.jsonl"
+MANIFEST = "manifest.json"
+FORMAT = 1
+PACKAGES = ("gymnasium", "numpy", "opencv-python-headless", "pybullet", "scipy")
+"""Installed packages that can move a result."""
+
+MUST_AGREE = ("format", "suite", "fieldgym", "source", "packages")
+"""Manifest entries that have to be equal before episodes may be added to a folder."""
+
+
+class ResultsError(Exception):
+    """The results folder cannot be used; the message says why and what to do."""
+
+
+def manifest(suite_name: str) -> dict[str, Any]:
+    """What identifies the code and the machine behind results."""
+    return {
+        "format": FORMAT,
+        "suite": suite_name,
+        "fieldgym": _version("fieldgym"),
+        "source": source_digest(),
+        "packages": {name: _version(name) for name in PACKAGES},
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+        "started": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+    }
+
+
+def source_digest() -> str:
+    """Digest of the package's modules and assets: results of two states of the code must not be mixed."""
+    root = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256()
+    rooms = ("mechanisms", "motion", "simulation", "perception", "envs", "agents", "assets")
+    files = [path for room in rooms for path in (root / room).rglob("*") if path.is_file()]
+    for path in sorted([*files, root / "benchmark" / "episode.py"]):
+        if "__pycache__" not in path.parts:
+            digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+class Results:
+    """The results of one suite in one folder.
+
+    Attributes:
+        folder: holds ``episodes.jsonl``, ``manifest.json`` and the summaries.
+        records: what is finished; failed episodes of an earlier run are left out, so that they run again.
+    """
+
+    def __init__(self, folder: Path, manifest_now: dict[str, Any], resume: bool):
+        """Open a folder to add episodes to it.
+
+        Without ``resume``, episodes that lie there are kept as ``episodes.previous.jsonl``.
+
+        Raises:
+            ResultsError: the folder cannot be written, or its results come from another version, suite or state of
+                the code.
+        """
+        self.folder = folder
+        self.records: list[Record] = []
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            path = folder / EPISODES
+            if path.exists() and path.stat().st_size > 0:
+                if resume:
+                    self._check_manifest(manifest_now)
+                    self.records = [record for record in read(path) if "error" not in record]
+                    write_atomically(path, "".join(json.dumps(record) + "\n" for record in self.records))
+                else:
+                    os.replace(path, folder / "episodes.previous.jsonl")
+                    for summary in folder.glob("summary.*"):
+                        summary.unlink()
+            write_atomically(folder / MANIFEST, json.dumps(manifest_now, indent=2) + "\n")
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise ResultsError(
+                f"cannot write results to {folder} ({reason}): choose another folder with --out"
+            ) from error
+
+    def _check_manifest(self, now: dict[str, Any]) -> None:
+        path = self.folder / MANIFEST
+        fresh = f"start over without --resume, or write elsewhere with --out (the old ones lie in {self.folder})"
+        try:
+            before = json.loads(path.read_text())
+        except (OSError, ValueError):
+            raise ResultsError(f"cannot resume: {path} is missing or damaged; {fresh}") from None
+        for name in MUST_AGREE:
+            if before.get(name) != now[name]:
+                old, new = _differing(before.get(name), now[name])
+                what = "state of the source" if name == "source" else name
+                raise ResultsError(f"cannot resume: these results have {what} {old}, now it is {new}; {fresh}")
+
+    def finished(self, episodes: Iterable[Episode]) -> set[Episode]:
+        """Those of ``episodes`` that have a result here."""
+        done = {key(record) for record in self.records}
+        return {episode for episode in episodes if key(identity(episode)) in done}
+
+    def append(self, record: Record) -> None:
+        """Add one record; when this returns, it is on the disk."""
+        try:
+            os.write(self._file, (json.dumps(record, allow_nan=False) + "\n").encode())
+            os.fsync(self._file)
+        except OSError as error:
+            raise ResultsError(
+                f"cannot write {self.folder / EPISODES} ({error.strerror}): finished episodes stay"
+            ) from error
+        self.records.append(record)
+
+    def close(self) -> None:
+        """Close the file; further calls do nothing."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+
+def _differing(before: Any, now: Any) -> tuple[str, str]:
+    """Two values as text, of two dictionaries only what differs."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        names = [name for name in now if before.get(name) != now[name]]
+        old, new = (", ".join(f"{name} {side.get(name)}" for name in names) for side in (before, now))
+        return old, new
+    return str(before), str(now)
+
+
+def key(record: Record) -> tuple[Any, ...]:
+    """What a record and an episode have in common when they are the same."""
+    return tuple(record[name] for name in ("env_id", "scenario", "backend", "perception", "policy", "seed"))
+
+
+def condition(record: Record) -> Condition:
+    """The condition under which a record was made."""
+    return Condition(record["env_id"], record["scenario"], record["backend"], record["perception"])
+
+
+def read(path: Path) -> list[Record]:
+    """The records of a file of JSON lines; a last line without its line break, torn by a kill, is left out.
+
+    Raises:
+        ResultsError: another line is no record.
+    """
+    *lines, _ = path.read_bytes().split(b"\n")
+    records = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            record = json.loads(line)
+            key(record)
+        except (ValueError, KeyError, TypeError):
+            raise ResultsError(f"{path}, line {number} is damaged: delete that line and go on with --resume") from None
+        records.append(record)
+    return records
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write ``text`` so that ``path`` holds the old or the new content, never a part of it."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text(text)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,131 @@
+"""``fieldgym benchmark``: compare policies on paired seeds and print the table."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fieldgym.scripts.common import INTERRUPTED, CommandError, at_least_one, chosen, environment_id, execute
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from fieldgym.benchmark.runner import Report
+    from fieldgym.benchmark.suites import Suite
+
+
+def main(
+    suite: Annotated[str, typer.Option(help="quick: the papers' protocols in PyBullet, minutes. full: all.")] = "quick",
+    env: Annotated[str | None, typer.Option(metavar="ID", help="Only this environment; see fieldgym list.")] = None,
+    policies: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Only these policies; keep the reference for differences.")
+    ] = None,
+    episodes: Annotated[int | None, typer.Option(help="Seeds 0 to N-1 instead of the suite's number.")] = None,
+    backend: Annotated[str | None, typer.Option(help="Only this backend: pybullet or analytic.")] = None,
+    jobs: Annotated[int | None, typer.Option(help="Worker processes; by default one a core.")] = None,
+    out: Annotated[Path, typer.Option(help="Results go to a folder of the suite's name in here.")] = Path("results"),
+    resume: Annotated[bool, typer.Option("--resume", help="Keep what is finished and run what is missing.")] = False,
+) -> None:
+    """Run policies on the same fields with the same luck and compare net rate and cycle time.
+
+    Every finished episode is on the disk at once: stop with Ctrl-C and go on with --resume.
+
+    Try:
+
+      fieldgym benchmark
+
+      fieldgym benchmark --suite full --jobs 2
+
+      fieldgym benchmark --env SafflowerPicking --policies fixed-order,nearest --backend analytic --episodes 200
+    """
+    from fieldgym.benchmark import progress, runner, store, tables
+
+    wanted = _suite(suite, env, policies, episodes, backend)
+    workers = runner.usable_cores() if jobs is None else at_least_one(jobs, "--jobs")
+    console = _console()
+    folder = out / wanted.name
+    try:
+        with progress.ProgressDisplay(console, f"Suite {wanted.name}, {workers} at a time") as display:
+            report = runner.run_suite(wanted, folder, workers, resume, on_start=display.start, on_record=display.record)
+        rows = tables.summarise(report.records, wanted.cases)
+        for table in tables.terminal_tables(rows):
+            console.print(table)
+        written = tables.write(rows, folder)
+    except store.ResultsError as error:
+        raise CommandError(str(error)) from None
+    except OSError as error:
+        raise CommandError(f"cannot write to {folder} ({error.strerror}): choose another folder with --out") from None
+    except runner.InterruptedRunError as error:
+        again = _resume_command(suite, env, policies, episodes, backend, jobs, out)
+        typer.echo(f"fieldgym: {error} in {folder}. Go on with: {again}", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    _close(console, report, [folder / store.EPISODES, *written])
+
+
+def _suite(name: str, env: str | None, policies: str | None, episodes: int | None, backend: str | None) -> Suite:
+    """The suite that the options describe, every word of them checked before anything runs."""
+    from fieldgym.agents import policy_names
+    from fieldgym.benchmark import suites
+    from fieldgym.envs import BACKENDS
+
+    wanted = suites.suite(chosen(name, suites.SUITES, "suite"))
+    env_id = None if env is None else environment_id(env)
+    if episodes is not None:
+        at_least_one(episodes, "--episodes")
+    if backend is not None:
+        chosen(backend, BACKENDS, "backend")
+    names = None
+    if policies is not None:
+        names = list(dict.fromkeys(word.strip() for word in policies.split(",") if word.strip()))
+        if not names:
+            raise CommandError("--policies names none: give names with commas between them, as in fixed-order,nearest")
+        ids = [env_id] if env_id is not None else list(dict.fromkeys(case.condition.env_id for case in wanted.cases))
+        for word in names:
+            for each in ids:
+                chosen(word, policy_names(each), f"policy for {each}")
+    return wanted.narrowed(env_id, names, episodes, backend)
+
+
+def _console() -> Console:
+    """Wide enough for the table where the output is no terminal: a log must not break its lines."""
+    from rich.console import Console
+
+    console = Console()
+    return console if console.is_terminal else Console(width=132)
+
+
+def _resume_command(
+    suite: str,
+    env: str | None,
+    policies: str | None,
+    episodes: int | None,
+    backend: str | None,
+    jobs: int | None,
+    out: Path,
+) -> str:
+    given = {"--env": env, "--policies": policies, "--episodes": episodes, "--backend": backend, "--jobs": jobs}
+    words = ["fieldgym", "benchmark", "--suite", suite, "--out", str(out), "--resume"]
+    words += [word for option, value in given.items() if value is not None for word in (option, str(value))]
+    return shlex.join(words)
+
+
+def _close(console: Console, report: Report, paths: list[Path]) -> None:
+    """Say where things are; leave with exit code 1 when an episode failed."""
+    console.print("Written: " + ", ".join(str(path) for path in paths), soft_wrap=True, highlight=False)
+    if report.failures:
+        reasons = dict.fromkeys(str(record["error"]) for record in report.failures)
+        typer.echo(
+            f"fieldgym: {len(report.failures)} episodes failed and are not in the table ({'; '.join(reasons)}); "
+            "run them again with --resume",
+            err=True,
+        )
+        raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    app = typer.Typer(add_completion=False)
+    app.command()(main)
+    execute(app, "python scripts/benchmark.py")

@@ -1,0 +1,98 @@
+"""The ``fieldgym`` command: what the scripts beside this file do, under one name."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, NoReturn
+
+import typer
+
+from fieldgym.scripts import benchmark, run
+from fieldgym.scripts.common import execute
+
+app = typer.Typer(
+    help="Task-level control of agricultural parallel robots: which target next, and how.",
+    epilog="Start with: fieldgym list; fieldgym run SafflowerPicking; fieldgym benchmark",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("run")(run.main)
+app.command("benchmark")(benchmark.main)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            typer.echo(f"fieldgym {version('fieldgym')}")
+        except PackageNotFoundError:
+            typer.echo("fieldgym, not installed: used from its source tree")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and leave.", callback=_show_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Options before the command."""
+
+
+@app.command("list")
+def list_environments(
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON, for programs.")] = False,
+) -> None:
+    """List the environments: machine, decision, actions, scenarios and policies.
+
+    Try:
+
+      fieldgym list --json
+    """
+    from fieldgym.agents import policy_names, reference_policy
+    from fieldgym.envs import ENV_IDS, describe
+
+    entries = []
+    for env_id in ENV_IDS:
+        task = describe(env_id)
+        entries.append(
+            {
+                "id": env_id,
+                "machine": task.machine,
+                "paper": task.paper,
+                "decision": task.decision,
+                "actions": task.actions,
+                "scenarios": list(task.scenarios),
+                "headline_scenario": task.headline_scenario,
+                "backends": list(task.backends),
+                "policies": list(policy_names(env_id)),
+                "reference_policy": reference_policy(env_id),
+            }
+        )
+    if as_json:
+        typer.echo(json.dumps(entries, indent=2, ensure_ascii=False))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    for entry in entries:
+        table = Table.grid(padding=(0, 2))
+        for label, value in entry.items():
+            if label == "id":
+                continue
+            text = ", ".join(value) if isinstance(value, list) else value
+            table.add_row(label.replace("_", " "), text)
+        console.print(f"[bold]{entry['id']}[/bold]")
+        console.print(table)
+        console.print()
+
+
+def main() -> NoReturn:
+    """Run the command line that this process was started with."""
+    execute(app, "fieldgym")
+
+
+if __name__ == "__main__":
+    main()
