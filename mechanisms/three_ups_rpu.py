@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -20,6 +21,14 @@ from .workspace import Method, PlanarWorkspace, planar_workspace
 
 SINGULAR_VALUE = 1e-9
 """Smallest singular value (angles scaled by the platform radius) that still counts as regular: rounding level."""
+
+WEEDING_BOX = (
+    (-0.10, 0.10),
+    (0.50, 0.70),
+    (-math.radians(14.0), math.radians(14.0)),
+    (-math.radians(14.0), math.radians(14.0)),
+)
+"""Ranges of x, z (metres), alpha and beta (radians) that the weeding machine needs, with all corners."""
 
 Stroke = tuple[float, float]
 
@@ -66,8 +75,8 @@ class ThreeUPSRPU:
     platform_angles_rad: tuple[float, float, float, float]
     home_height_m: float
     stroke_m: tuple[Stroke, Stroke, Stroke, Stroke]
-    max_universal_tilt_rad: float = np.deg2rad(50.0)
-    max_platform_tilt_rad: float = np.deg2rad(20.0)
+    max_universal_tilt_rad: float = math.radians(50.0)
+    max_platform_tilt_rad: float = math.radians(20.0)
     leg_distance_m: float = 0.15
     min_singular_value: float = 0.05
     paper_orientation: bool = False
@@ -100,22 +109,22 @@ class ThreeUPSRPU:
         Args:
             paper_orientation: see the class.
         """
-        azimuths, stroke = (-0.5 * np.pi, 0.0, 0.5 * np.pi, np.pi), (0.45, 0.85)
+        azimuths, stroke = (-0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi), (0.45, 0.85)
         strokes = (stroke, stroke, stroke, stroke)
         return cls(0.4, 0.3, azimuths, azimuths, 0.6, strokes, paper_orientation=paper_orientation)
 
     @classmethod
     def weeder(cls) -> ThreeUPSRPU:
-        """The weeding machine's layout: published radii, base joints 1 and 3 at -+60, platform joints at -+125 deg.
+        """The weeding machine's layout: published radii, base joints 1 and 3 at -+59, platform joints at -+124 deg.
 
         Found by ``scripts/synthesise_weeder.py``: of all layouts with whole-degree azimuths that are mirrored about
         the XZ plane it has the largest smallest singular value over |x| <= 0.10 m, z 0.5..0.7 m, alpha and beta
         +-14 deg among those with a stroke ratio below 2, universal joints within 50 deg and legs 0.15 m apart. The
         strokes are the extremes over that box rounded outwards to whole millimetres; the platform tilt is assumed.
         """
-        base, platform = np.deg2rad(60.0), np.deg2rad(125.0)
+        base, platform = math.radians(59.0), math.radians(124.0)
         side, front = (0.485, 0.925), (0.427, 0.801)
-        base_angles, platform_angles = (-base, 0.0, base, np.pi), (-platform, 0.0, platform, np.pi)
+        base_angles, platform_angles = (-base, 0.0, base, math.pi), (-platform, 0.0, platform, math.pi)
         return cls(0.4, 0.3, base_angles, platform_angles, 0.6, (side, front, side, front))
 
     @property
