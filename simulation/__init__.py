@@ -1,0 +1,1 @@
+"""PyBullet worlds: clients, URDFs, closed-loop machines. PyBullet itself loads with the modules that use it."""

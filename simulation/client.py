@@ -1,0 +1,160 @@
+"""One private PyBullet world."""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import os
+import sys
+import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any
+
+GRAVITY_M_S2 = 9.81
+
+
+@contextmanager
+def _silent_stderr() -> Iterator[None]:
+    """Close the process's error stream for a moment, below Python's own ``sys.stderr``."""
+    if sys.stderr is not None:
+        sys.stderr.flush()
+    kept = os.dup(2)
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(null, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(null)
+
+
+def _import_pybullet() -> Any:
+    """PyBullet, without the build date that its C code prints on import into whatever the program is displaying."""
+    if "pybullet" in sys.modules:
+        return sys.modules["pybullet"]
+    with _silent_stderr():
+        import pybullet
+    return pybullet
+
+
+pybullet: Any = _import_pybullet()
+"""The module; typed as ``Any`` because it is a C extension without stubs."""
+
+
+class PhysicsClient:
+    """A PyBullet client of its own: two of them never see each other's bodies.
+
+    Usable as a context manager; it disconnects when it is closed, collected, or when the interpreter ends.
+
+    Attributes:
+        id: PyBullet's number of the client; pass it as ``physicsClientId`` to every PyBullet call.
+        physics_hz: steps a simulated second.
+        gui: whether it has a window.
+    """
+
+    def __init__(
+        self,
+        physics_hz: float = 240.0,
+        *,
+        gui: bool = False,
+        solver_iterations: int = 30,
+        erp: float = 0.8,
+        gravity_m_s2: float = GRAVITY_M_S2,
+    ) -> None:
+        """Connect and set up the engine.
+
+        Args:
+            physics_hz: steps a simulated second, > 0; the error of closed loops falls with its square.
+            gui: open a window; only one client of a process can have one.
+            solver_iterations: sweeps over the constraints a step, all in the same direction: for closed loops that
+                converges about twice as fast as PyBullet's own alternating sweeps.
+            erp: share of a constraint's position error that is taken back each step. Only this engine-wide value acts
+                on point-to-point constraints.
+            gravity_m_s2: downwards.
+
+        Raises:
+            ValueError: a number is out of range.
+            RuntimeError: a window was asked for and there is no display, or PyBullet refused to connect.
+        """
+        if not 0.0 < physics_hz < float("inf"):
+            raise ValueError(f"physics_hz = {physics_hz}: give a positive rate, 240 is usual")
+        if solver_iterations < 1 or not 0.0 < erp <= 1.0:
+            raise ValueError(f"solver_iterations = {solver_iterations} must be >= 1 and erp = {erp} in (0, 1]")
+        if gui:
+            _require_display()
+        self.physics_hz = float(physics_hz)
+        self.gui = gui
+        try:
+            self.id: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+        except pybullet.error as error:
+            raise RuntimeError(f"PyBullet did not connect ({error}): close another client or window first") from error
+        if self.id < 0:
+            raise RuntimeError("PyBullet did not connect: too many clients are open, close some")
+        self._finalizer = weakref.finalize(self, _disconnect, self.id)
+        pybullet.setGravity(0.0, 0.0, -gravity_m_s2, physicsClientId=self.id)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=1.0 / self.physics_hz,
+            numSolverIterations=1,
+            numNonContactInnerIterations=solver_iterations,
+            erp=erp,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self.id,
+        )
+
+    @property
+    def step_s(self) -> float:
+        """Simulated seconds a step."""
+        return 1.0 / self.physics_hz
+
+    @property
+    def closed(self) -> bool:
+        """Whether ``close`` has been called."""
+        return not self._finalizer.alive
+
+    def step(self) -> None:
+        """Advance the world by one step."""
+        pybullet.stepSimulation(physicsClientId=self.id)
+
+    def close(self) -> None:
+        """Disconnect; calling it again does nothing."""
+        self._finalizer()
+
+    def __enter__(self) -> PhysicsClient:
+        """Return the client itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+        self.close()
+
+
+def _disconnect(client_id: int) -> None:
+    # The window may be gone already, or the interpreter may have torn PyBullet down first.
+    if pybullet.isConnected(physicsClientId=client_id):
+        pybullet.disconnect(physicsClientId=client_id)
+
+
+def _require_display() -> None:
+    """PyBullet ends the whole process when it cannot reach an X server: ask the server first."""
+    if not sys.platform.startswith("linux"):
+        return
+    name = ctypes.util.find_library("X11")
+    reached = False
+    if os.environ.get("DISPLAY") and name:
+        x11 = ctypes.CDLL(name)
+        x11.XOpenDisplay.restype = ctypes.c_void_p
+        x11.XCloseDisplay.argtypes = [ctypes.c_void_p]
+        display = x11.XOpenDisplay(None)
+        if display:
+            x11.XCloseDisplay(display)
+            reached = True
+    if not reached:
+        raise RuntimeError(
+            f"no display: DISPLAY is {os.environ.get('DISPLAY')!r} and no X server answered; use "
+            'render_mode="rgb_array" instead of "human", or run under xvfb-run'
+        )

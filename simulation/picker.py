@@ -1,0 +1,287 @@
+"""The safflower picker in PyBullet: a cart on the row and a closed five-bar that works across it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..mechanisms.batching import as_points
+from ..motion import StoppedPath
+from .assets import asset_path
+from .client import PhysicsClient
+from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
+from .picker_model import PICKER_ASSET, PickerParameters, picker_robot
+
+Array = NDArray[np.float64]
+
+MOTORS = ("cart", "arm1", "arm2")
+JOINTS = ("cart", "arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
+
+START_TOLERANCE_M = 0.003
+"""How far a commanded trajectory may start from where the machine stands; a jump could flip the five-bar over."""
+
+
+@dataclass(frozen=True)
+class MotionReport:
+    """What a motion did. Unless it was measured, the maxima know the state after its last step only.
+
+    Attributes:
+        duration_s: simulated time.
+        final_tool_m: tool centre in the world, (3,).
+        final_error_m: distance of the tool centre from its command at the end.
+        cart_error_m: largest distance of the tool centre from its command along the row.
+        arm_error_m: largest distance of the tool centre from its command in the arm's plane.
+        closure_error_m: largest gap in a closed loop.
+        peak_effort: largest magnitudes that the motors (cart, arm1, arm2) applied: N, N m, N m; (3,).
+        saturated: which motors were at their limits, (3,) bool.
+        measured: whether every step was looked at.
+    """
+
+    duration_s: float
+    final_tool_m: Array
+    final_error_m: float
+    cart_error_m: float
+    arm_error_m: float
+    closure_error_m: float
+    peak_effort: Array
+    saturated: NDArray[np.bool_]
+    measured: bool
+
+
+@dataclass
+class _Record:
+    """Running maxima over the states that were looked at."""
+
+    cart_m: float = 0.0
+    arm_m: float = 0.0
+    closure_m: float = 0.0
+    effort: Array = field(default_factory=lambda: np.zeros(len(MOTORS)))
+
+
+class PickerMachine:
+    """The picker: a cart, two two-link legs and a level platform, closed by two point-to-point constraints.
+
+    Tool positions are (u, v) in the five-bar's plane, see ``FiveBar``; the plane stands across the row at the cart's
+    x. The world has x along the row, y across, z up, with the ground at z = 0.
+
+    Attributes:
+        parameters: the numbers that it was built from.
+        client: the world that it lives in; it holds nothing else unless it was lent.
+    """
+
+    def __init__(
+        self,
+        parameters: PickerParameters | None = None,
+        client: PhysicsClient | None = None,
+        *,
+        visuals: bool | None = None,
+    ) -> None:
+        """Build the machine with its cart at x = 0 and its arms hanging straight down.
+
+        Args:
+            parameters: defaults to ``PickerParameters()``.
+            client: a world to build in, for instance one that renders a scene and only calls ``place``; the machine
+                makes its own, and closes it, where this is left out.
+            visuals: load what can be seen; by default only into a world that was lent, or has a window.
+        """
+        self.parameters = parameters or PickerParameters()
+        self._owns_client = client is None
+        self.client = client or PhysicsClient(self.parameters.physics_hz)
+        self._open = True
+        bar = self.parameters.five_bar
+        wrists = ((0.0, -bar.half_platform_m, bar.tool_drop_m), (0.0, bar.half_platform_m, bar.tool_drop_m))
+        closures = [
+            Closure(f"forearm{leg + 1}", (0.0, bar.forearm_m[leg], 0.0), "platform", wrists[leg]) for leg in (0, 1)
+        ]
+        torque = self.parameters.arm_torque_limit_n_m
+        motors = [Motor("cart", self.parameters.cart_force_limit_n), Motor("arm1", torque), Motor("arm2", torque)]
+        shown = (not self._owns_client or self.client.gui) if visuals is None else visuals
+        with _urdf_file(self.parameters) as path:
+            self._machine = ClosedLoopMachine(self.client, [Body("picker", path)], closures, motors, visuals=shown)
+        self._order = [JOINTS.index(name) for name in self._machine.joints]
+        self.reset(0.0, bar.forward([-0.5 * np.pi, -0.5 * np.pi]))
+
+    @property
+    def body_id(self) -> int:
+        """PyBullet's number of the machine's body."""
+        return self._machine.body_ids["picker"]
+
+    def place(self, cart_x_m: float, tool: ArrayLike) -> None:
+        """Put all joints where the kinematics says, at rest, without stepping: for rendering.
+
+        Args:
+            cart_x_m: x of the arm's plane, metres.
+            tool: (2,), (u, v) in metres.
+
+        Raises:
+            UnreachablePoseError: the tool position is beyond the reach of a leg.
+        """
+        self._machine.reset(self._joints(np.array([cart_x_m]), as_points(tool, 2, "tool")[None])[0][self._order])
+
+    def reset(self, cart_x_m: float, tool: ArrayLike) -> None:
+        """``place`` the machine and have its motors hold it there."""
+        self.place(cart_x_m, tool)
+        joints = self._joints(np.array([cart_x_m]), as_points(tool, 2, "tool")[None])[0]
+        self._machine.hold(joints[[JOINTS.index(name) for name in MOTORS]])
+
+    def run(
+        self,
+        cart: ArrayLike,
+        tool: ArrayLike,
+        on_step: Callable[[int], None] | None = None,
+        *,
+        measure: bool = False,
+    ) -> MotionReport:
+        """Drive the machine along a trajectory that is sampled at ``physics_hz`` and starts where it stands.
+
+        Args:
+            cart: (n,) x of the arm's plane, metres; n - 1 steps are simulated.
+            tool: (n, 2) tool centre (u, v), metres.
+            on_step: called after every step with the number of the row that was reached.
+            measure: look at every step instead of the last one; slower by about half.
+
+        Raises:
+            ValueError: shapes do not fit, the first row is elsewhere, or the client runs at another rate.
+            UnreachablePoseError: a row is beyond the reach of a leg.
+        """
+        carts, tools = self._trajectory(cart, tool)
+        targets = self._joints(carts, tools)[:, [JOINTS.index(name) for name in MOTORS]]
+        wanted = self._to_world(carts, tools)
+        jump = float(np.linalg.norm(wanted[0] - self.tool_world()))
+        if jump > START_TOLERANCE_M:
+            raise ValueError(
+                f"the trajectory starts {1e3 * jump:.1f} mm from where the tool stands; at most "
+                f"{1e3 * START_TOLERANCE_M:.0f} mm is allowed: start at the last commanded pose or call reset()"
+            )
+        record = _Record()
+        last = len(carts) - 1
+
+        def watch(row: int) -> None:
+            self._look(record, wanted[row])
+            if on_step is not None:
+                on_step(row)
+
+        self._machine.follow(targets, watch if measure else on_step)
+        if not measure or last == 0:
+            self._look(record, wanted[last])
+        tool_m = self.tool_world()
+        return MotionReport(
+            duration_s=last * self.client.step_s,
+            final_tool_m=tool_m,
+            final_error_m=float(np.linalg.norm(tool_m - wanted[last])),
+            cart_error_m=record.cart_m,
+            arm_error_m=record.arm_m,
+            closure_error_m=record.closure_m,
+            peak_effort=record.effort,
+            saturated=self._machine.saturated(record.effort),
+            measured=measure,
+        )
+
+    def tool_world(self) -> Array:
+        """The tool centre in the world, (3,), metres."""
+        return self._machine.point("platform")
+
+    def close(self) -> None:
+        """Leave the world: close it if it is the machine's own, else remove the bodies. Again does nothing."""
+        if self._open and not self.client.closed:
+            if self._owns_client:
+                self.client.close()
+            else:
+                self._machine.remove()
+        self._open = False
+
+    def __enter__(self) -> PickerMachine:
+        """Return the machine itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+        self.close()
+
+    def _trajectory(self, cart: ArrayLike, tool: ArrayLike) -> tuple[Array, Array]:
+        carts, tools = np.asarray(cart, dtype=np.float64), as_points(tool, 2, "tool")
+        if carts.ndim != 1 or tools.shape != (len(carts), 2) or len(carts) == 0:
+            raise ValueError(f"cart has shape {carts.shape} and tool {tools.shape}: expected (n,) and (n, 2), n >= 1")
+        if self.client.physics_hz != self.parameters.physics_hz:
+            raise ValueError(
+                f"the client runs at {self.client.physics_hz} Hz, the machine's parameters say "
+                f"{self.parameters.physics_hz} Hz: give PickerMachine no client, or one of its own rate"
+            )
+        return carts, tools
+
+    def _joints(self, carts: Array, tools: Array) -> Array:
+        """All joint positions (n, 7) in the order of ``JOINTS``."""
+        bar = self.parameters.five_bar
+        chains = bar.chains(tools)
+        if not np.all(np.isfinite(chains.q)) or not np.all(np.isfinite(carts)):
+            bar.inverse(tools, strict=True)
+            raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
+        forearm = chains.q_passive - chains.q
+        columns = [carts, chains.q[:, 0], forearm[:, 0], chains.q[:, 1], forearm[:, 1], tools[:, 0], tools[:, 1]]
+        return np.stack(columns, axis=-1)
+
+    def _to_world(self, carts: Array, tools: Array) -> Array:
+        """World positions (n, 3) of tool centres (n, 2) at cart positions (n,)."""
+        y = tools[:, 0] - 0.5 * self.parameters.five_bar.base_m
+        return np.stack([carts, y, self.parameters.motor_height_m + tools[:, 1]], axis=-1)
+
+    def _look(self, record: _Record, wanted: Array) -> None:
+        error = self.tool_world() - wanted
+        record.cart_m = max(record.cart_m, abs(float(error[0])))
+        record.arm_m = max(record.arm_m, float(np.hypot(error[1], error[2])))
+        record.closure_m = max(record.closure_m, self._machine.closure_error_m())
+        np.maximum(record.effort, np.abs(self._machine.motor_efforts()), out=record.effort)
+
+
+def fastest_gate(parameters: PickerParameters) -> tuple[Array, Array]:
+    """The hardest motion that picking can command, sampled at ``physics_hz``: cart (n,) and tool (n, 2).
+
+    The tool rises from 0.46 m below the motors to the traverse level of 0.28 m, goes out to one side of the workspace,
+    crosses 0.26 m, and comes back down, at its limits, while the cart drives a stop of 0.45 m at its own limits.
+    """
+    middle = 0.5 * parameters.five_bar.base_m
+    across = middle + np.array([-0.05, -0.05, -0.13, 0.13, 0.05, 0.05])
+    level = np.array([-0.46, -0.28, -0.28, -0.28, -0.28, -0.46])
+    tool = StoppedPath.under_limits(
+        np.stack([across, level], axis=-1), parameters.tool_velocity_m_s, parameters.tool_acceleration_m_s2
+    )
+    cart = StoppedPath.under_limits([[0.0], [0.45]], parameters.cart_velocity_m_s, parameters.cart_acceleration_m_s2)
+    steps = int(np.ceil(max(tool.duration_s, cart.duration_s) * parameters.physics_hz))
+    time = np.arange(steps + 1) / parameters.physics_hz
+    return cart.sample(time).position[:, 0], tool.sample(time).position
+
+
+def measure_tracking(parameters: PickerParameters | None = None) -> MotionReport:
+    """Tracking, closure and motor efforts over the whole of the fastest gate."""
+    chosen = parameters or PickerParameters()
+    cart, tool = fastest_gate(chosen)
+    with PickerMachine(chosen) as machine:
+        machine.reset(cart[0], tool[0])
+        return machine.run(cart, tool, measure=True)
+
+
+@contextmanager
+def _urdf_file(parameters: PickerParameters) -> Iterator[Path]:
+    """The shipped URDF where the parameters are the shipped ones, else one written for the moment."""
+    text = picker_robot(parameters).to_xml()
+    if text == picker_robot(PickerParameters()).to_xml():
+        with asset_path(PICKER_ASSET) as path:
+            yield path
+        return
+    handle, name = tempfile.mkstemp(suffix=".urdf", prefix="fieldgym-picker-")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        yield Path(name)
+    finally:
+        os.unlink(name)

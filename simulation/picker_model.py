@@ -1,0 +1,196 @@
+"""The safflower picker's numbers and its URDF, generated from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..mechanisms import FiveBar
+from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
+
+PICKER_ASSET = "urdf/picker/picker.urdf"
+
+ALUMINIUM = Colour("aluminium", 0.74, 0.76, 0.79)
+DARK = Colour("dark", 0.13, 0.13, 0.15)
+FRAME = Colour("frame", 0.24, 0.36, 0.47)
+ORANGE = Colour("orange", 0.93, 0.45, 0.08)
+RUBBER = Colour("rubber", 0.07, 0.07, 0.07)
+STEEL = Colour("steel", 0.52, 0.54, 0.57)
+WHITE = Colour("white", 0.92, 0.92, 0.90)
+
+_ALONG_X: Vector = (0.0, np.pi / 2, 0.0)
+_ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
+
+# The straddle frame: 1.2 m wide and 1.3 m high (published), 0.9 m long (assumed).
+_HALF_LENGTH_M = 0.42
+_HALF_WIDTH_M = 0.56
+_TOP_M = 1.28
+_TUBE_M = 0.04
+_WHEEL_RADIUS_M = 0.16
+_WHEEL_WIDTH_M = 0.07
+
+
+@dataclass(frozen=True)
+class PickerParameters:
+    """Everything that the picker's physics depends on.
+
+    Attributes:
+        five_bar: the arm's geometry (identified, see ``FiveBar.safflower``).
+        motor_height_m: motor axes above the ground; the frame is set to the crop before a row (assumed, chosen so
+            that the workspace spans the published plant heights of 0.43-0.86 m at their upper end).
+        camera_ahead_m: the camera's place in front of the arm plane, only for the looks (assumed).
+        camera_above_motors_m: height of the camera over the motor axes, only for the looks (assumed).
+        cart_velocity_m_s: limit of the cart (assumed).
+        cart_acceleration_m_s2: limit of the cart (assumed).
+        tool_velocity_m_s: limit of the tool in the arm's plane: its motors are steppers (published), which run slowly
+            (the figure is assumed).
+        tool_acceleration_m_s2: limit of the tool in the arm's plane (assumed, as above).
+        arm_torque_limit_n_m: each arm motor behind its gear (assumed: a NEMA 23 stepper, 1.3 N m at speed, gear 10:1).
+        rotor_inertia_kg_m2: that motor's rotor seen through the gear, 4.6e-5 kg m2 times 10^2 (assumed).
+        cart_force_limit_n: thrust of the wheel drives (assumed).
+        cart_mass_kg: frame, wheels, battery, fan and cabinet (assumed).
+        arm_mass_kg: one driven arm (assumed: aluminium tube and two bearings).
+        forearm_mass_kg: one forearm (assumed, as above).
+        tool_mass_kg: platform with the shears, their 25GA-370 geared motor (published) and hose (mass assumed).
+        physics_hz: simulation steps a second (assumed; the tracking figures are measured with it).
+    """
+
+    five_bar: FiveBar = field(default_factory=FiveBar.safflower)
+    motor_height_m: float = 1.18
+    camera_ahead_m: float = 0.30
+    camera_above_motors_m: float = 0.15
+    cart_velocity_m_s: float = 0.3
+    cart_acceleration_m_s2: float = 0.5
+    tool_velocity_m_s: float = 0.5
+    tool_acceleration_m_s2: float = 2.0
+    arm_torque_limit_n_m: float = 12.0
+    rotor_inertia_kg_m2: float = 0.0046
+    cart_force_limit_n: float = 250.0
+    cart_mass_kg: float = 80.0
+    arm_mass_kg: float = 0.30
+    forearm_mass_kg: float = 0.35
+    tool_mass_kg: float = 1.5
+    physics_hz: float = 240.0
+
+    def __post_init__(self) -> None:
+        """Check that every number is positive and finite."""
+        for name, value in vars(self).items():
+            if name != "five_bar" and not 0.0 < value < np.inf:
+                raise ValueError(f"{name} = {value}: give a positive, finite number")
+
+
+def picker_robot(parameters: PickerParameters) -> Robot:
+    """The picker as one tree on the cart's rail: frame, two legs of two links, and the platform on its own slides.
+
+    Joint positions are the five-bar's own coordinates: ``cart`` is x along the row, ``arm1`` and ``arm2`` are (q1, q4),
+    ``forearm1`` and ``forearm2`` are relative to their arms, ``slide_u`` and ``slide_v`` are the tool centre (u, v).
+    The slides are passive; they hold the platform level, as the paper's equations assume. The forearms' tips are free:
+    the machine closes them on the platform at run time.
+    """
+    bar = parameters.five_bar
+    plane_y = -0.5 * bar.base_m
+    height = parameters.motor_height_m
+    links = [
+        Link("rail", 1.0, (Part(Box((0.01, 0.01, 0.01)), DARK),)),
+        Link("frame", parameters.cart_mass_kg, _frame_parts(parameters)),
+    ]
+    joints = [Joint("cart", "prismatic", "rail", "frame", axis=(1.0, 0.0, 0.0))]
+    about_x = (1.0, 0.0, 0.0)
+    rotor = parameters.rotor_inertia_kg_m2
+    for leg in (0, 1):
+        arm, forearm = bar.arm_m[leg], bar.forearm_m[leg]
+        names = f"arm{leg + 1}", f"forearm{leg + 1}"
+        links.append(Link(names[0], parameters.arm_mass_kg, _bar_parts(arm, 0.0, 0.036, 0.020), (rotor, rotor, rotor)))
+        links.append(Link(names[1], parameters.forearm_mass_kg, _bar_parts(forearm, 0.020, 0.026, 0.014)))
+        joints.append(
+            Joint(names[0], "continuous", "frame", names[0], (0.0, plane_y + leg * bar.base_m, height), axis=about_x)
+        )
+        joints.append(Joint(names[1], "continuous", names[0], names[1], (0.0, arm, 0.0), axis=about_x))
+    # The slide between frame and platform carries no matter of its own: a gram keeps its inertia invertible.
+    links.append(Link("slide", 0.001, (Part(Sphere(0.004), STEEL, (0.0, 0.0, bar.tool_drop_m)),)))
+    links.append(Link("platform", parameters.tool_mass_kg, _platform_parts(bar)))
+    joints.append(Joint("slide_u", "prismatic", "frame", "slide", (0.0, plane_y, height), axis=(0.0, 1.0, 0.0)))
+    joints.append(Joint("slide_v", "prismatic", "slide", "platform"))
+    return Robot("safflower_picker", tuple(links), tuple(joints))
+
+
+def picker_assets() -> dict[str, str]:
+    """Text of every URDF that ships for the picker, by its path below ``assets/``."""
+    return {PICKER_ASSET: picker_robot(PickerParameters()).to_xml()}
+
+
+def _bar_parts(length_m: float, x_m: float, width_m: float, depth_m: float) -> tuple[Part, ...]:
+    """A flat tube along y with round ends and a pin at each joint."""
+    tube = Box((depth_m, length_m, width_m))
+    end, pin = Cylinder(0.6 * width_m, depth_m), Cylinder(0.008, 0.05)
+    parts = [Part(tube, ALUMINIUM, (x_m, length_m / 2, 0.0))]
+    for y in (0.0, length_m):
+        parts.append(Part(end, ALUMINIUM, (x_m, y, 0.0), _ALONG_X))
+        parts.append(Part(pin, STEEL, (x_m - 0.005, y, 0.0), _ALONG_X))
+    return tuple(parts)
+
+
+def _platform_parts(bar: FiveBar) -> tuple[Part, ...]:
+    """The picking device about the tool centre: platform, shears' housing, flower sleeve and suction tube."""
+    level = bar.tool_drop_m
+    width = 2.0 * bar.half_platform_m + 0.034
+    sleeve = max(0.5 * level, 0.01)
+    return (
+        Part(Box((0.018, width, 0.030)), ALUMINIUM, (0.0, 0.0, level)),
+        Part(Box((0.070, 0.074, max(level - sleeve, 0.01))), ORANGE, (-0.004, 0.0, 0.5 * (level + sleeve) - 0.008)),
+        Part(Cylinder(0.027, sleeve), WHITE, (0.0, 0.0, 0.5 * sleeve)),
+        Part(Cylinder(0.031, 0.006), ORANGE, (0.0, 0.0, 0.003)),
+        # The shears' geared motor lies across in front, the suction tube stands behind the arms' plane.
+        Part(Cylinder(0.0125, 0.055), DARK, (0.026, 0.0, level + 0.006), _ALONG_Y),
+        Part(Cylinder(0.016, 0.150), WHITE, (-0.030, 0.0, level + 0.075)),
+        Part(Cylinder(0.020, 0.012), DARK, (-0.030, 0.0, level + 0.147)),
+        Part(Box((0.030, 0.024, 0.014)), WHITE, (-0.018, 0.0, level - 0.006)),
+    )
+
+
+def _frame_parts(parameters: PickerParameters) -> tuple[Part, ...]:
+    """The straddle cart: posts, rails, gantry with the motors, wheels, cabinet, collection box, fan and camera."""
+    parts: list[Part] = []
+    post = Box((_TUBE_M, _TUBE_M, _TOP_M - _WHEEL_RADIUS_M))
+    for x in (-_HALF_LENGTH_M, _HALF_LENGTH_M):
+        for y in (-_HALF_WIDTH_M, _HALF_WIDTH_M):
+            parts.append(Part(post, FRAME, (x, y, 0.5 * (_TOP_M + _WHEEL_RADIUS_M))))
+            outwards = np.copysign(0.005, y)
+            wheel_at = (0.88 * x, y + outwards, _WHEEL_RADIUS_M)
+            parts.append(Part(Cylinder(_WHEEL_RADIUS_M, _WHEEL_WIDTH_M), RUBBER, wheel_at, _ALONG_Y))
+            parts.append(Part(Cylinder(0.55 * _WHEEL_RADIUS_M, _WHEEL_WIDTH_M + 0.006), WHITE, wheel_at, _ALONG_Y))
+            parts.append(Part(Cylinder(0.030, _WHEEL_WIDTH_M + 0.012), DARK, wheel_at, _ALONG_Y))
+        parts.append(Part(Box((_TUBE_M, 2.0 * _HALF_WIDTH_M, _TUBE_M)), FRAME, (x, 0.0, _TOP_M)))
+    along = Box((2.0 * _HALF_LENGTH_M, _TUBE_M, _TUBE_M))
+    for y in (-_HALF_WIDTH_M, _HALF_WIDTH_M):
+        for z in (2.0 * _WHEEL_RADIUS_M + 0.04, parameters.motor_height_m, _TOP_M):
+            parts.append(Part(along, FRAME, (0.0, y, z)))
+    return (*parts, *_gantry_parts(parameters), *_equipment_parts(parameters))
+
+
+def _gantry_parts(parameters: PickerParameters) -> list[Part]:
+    bar, height = parameters.five_bar, parameters.motor_height_m
+    parts = [Part(Box((0.04, 2.0 * _HALF_WIDTH_M, 0.06)), ALUMINIUM, (-0.125, 0.0, height))]
+    for y in (-0.5 * bar.base_m, 0.5 * bar.base_m):
+        parts.append(Part(Box((0.012, 0.085, 0.085)), ALUMINIUM, (-0.030, y, height)))
+        parts.append(Part(Box((0.075, 0.060, 0.060)), DARK, (-0.072, y, height)))
+        parts.append(Part(Cylinder(0.022, 0.016), STEEL, (-0.016, y, height), _ALONG_X))
+    return parts
+
+
+def _equipment_parts(parameters: PickerParameters) -> list[Part]:
+    x, z = parameters.camera_ahead_m, parameters.motor_height_m + parameters.camera_above_motors_m
+    front = max(_HALF_LENGTH_M, x)
+    return [
+        # The camera sits above its own viewpoint, so that its case never stands in its view.
+        Part(Box((0.028, 0.095, 0.026)), DARK, (x, 0.0, z + 0.016)),
+        Part(Box((front - x + 0.02, 0.03, 0.012)), ALUMINIUM, (0.5 * (front + x) + 0.01, 0.0, z + 0.035)),
+        Part(Box((0.02, 0.03, max(z + 0.041 - _TOP_M, 0.01))), ALUMINIUM, (front, 0.0, 0.5 * (z + 0.041 + _TOP_M))),
+        # Rear: control cabinet on one side, suction fan and collection box in the middle.
+        Part(Box((0.20, 0.24, 0.30)), WHITE, (-0.40, -0.40, _TOP_M - 0.17)),
+        Part(Box((0.24, 0.26, 0.20)), ORANGE, (-0.34, 0.10, _TOP_M + 0.12)),
+        Part(Cylinder(0.075, 0.10), DARK, (-0.34, 0.30, _TOP_M + 0.10), _ALONG_Y),
+        Part(Cylinder(0.020, 0.06), WHITE, (-0.20, 0.10, _TOP_M + 0.12), _ALONG_X),
+        Part(Box((0.26, 0.50, 0.012)), ALUMINIUM, (-0.34, 0.16, _TOP_M + 0.018)),
+    ]
