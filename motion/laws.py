@@ -25,22 +25,24 @@ class MotionSample(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PolynomialLaw:
-    """A polynomial s(tau) on [0, 1] from 0 to 1 with rest at both ends.
+class MotionLaw:
+    """A shape s(tau) on [0, 1] from 0 to 1 with rest at both ends, stretched to any stroke and duration.
 
     Attributes:
         name: what the law is called in tables.
-        coefficients: of tau^0, tau^1, ...
         peak_velocity: max of ds/dtau; the real peak is this times stroke / duration.
         peak_acceleration: max of |d2s/dtau2|; times stroke / duration^2.
         peak_jerk: max of |d3s/dtau3|; times stroke / duration^3.
     """
 
     name: str
-    coefficients: tuple[float, ...]
     peak_velocity: float
     peak_acceleration: float
     peak_jerk: float
+
+    def shape(self, tau: Array) -> tuple[Array, Array, Array, Array]:
+        """The shape and its first three derivatives at ``tau`` in [0, 1]."""
+        raise NotImplementedError
 
     def duration(
         self,
@@ -80,13 +82,13 @@ class PolynomialLaw:
         jerk_limit: ArrayLike = np.inf,
     ) -> Array:
         """``duration`` for limits that a configuration has already checked: the rule engines call it every decision."""
-        stroke = np.abs(np.asarray(stroke_m, dtype=np.float64))
-        by_velocity = self.peak_velocity * stroke / velocity_limit
-        by_acceleration = np.sqrt(self.peak_acceleration * stroke / acceleration_limit)
+        stroke = np.abs(stroke_m)
+        by_velocity = stroke * (self.peak_velocity / velocity_limit)
+        by_acceleration = np.sqrt(stroke * (self.peak_acceleration / acceleration_limit))
         shortest = np.maximum(by_velocity, by_acceleration)
         if jerk_limit is np.inf:
             return shortest
-        return np.maximum(shortest, np.cbrt(self.peak_jerk * stroke / jerk_limit))
+        return np.maximum(shortest, np.cbrt(self.peak_jerk * stroke / np.asarray(jerk_limit)))
 
     def sample(self, time_s: ArrayLike, stroke_m: ArrayLike, duration_s: ArrayLike) -> MotionSample:
         """State at ``time_s`` (held at the ends outside [0, duration]); arguments broadcast.
@@ -97,22 +99,72 @@ class PolynomialLaw:
         with np.errstate(divide="ignore", invalid="ignore"):
             tau = np.where(duration > 0.0, np.clip(np.asarray(time_s) / duration, 0.0, 1.0), 1.0)
             moving = (tau > 0.0) & (tau < 1.0)
-            polynomial = np.polynomial.Polynomial(self.coefficients)
-            values = [stroke * polynomial(tau)]
-            for order in (1, 2, 3):
-                scaled = polynomial.deriv(order)(tau) * stroke / duration**order
-                values.append(np.where(moving, scaled, 0.0))
+            position, *derivatives = self.shape(tau)
+            values = [stroke * position]
+            for order, derivative in enumerate(derivatives, start=1):
+                values.append(np.where(moving, derivative * stroke / duration**order, 0.0))
         return MotionSample(*values)
 
 
-QUINTIC = PolynomialLaw("quintic", (0.0, 0.0, 0.0, 10.0, -15.0, 6.0), 15.0 / 8.0, 10.0 / np.sqrt(3.0), 60.0)
+@dataclass(frozen=True)
+class PolynomialLaw(MotionLaw):
+    """A polynomial law.
+
+    Attributes:
+        coefficients: of tau^0, tau^1, ...
+    """
+
+    coefficients: tuple[float, ...]
+
+    def shape(self, tau: Array) -> tuple[Array, Array, Array, Array]:
+        """See ``MotionLaw.shape``."""
+        polynomial = np.polynomial.Polynomial(self.coefficients)
+        return polynomial(tau), polynomial.deriv(1)(tau), polynomial.deriv(2)(tau), polynomial.deriv(3)(tau)
+
+
+@dataclass(frozen=True)
+class ModifiedTrapezoid(MotionLaw):
+    """The cam designer's modified trapezoid: constant acceleration between sine ramps of an eighth of the duration."""
+
+    @classmethod
+    def standard(cls) -> ModifiedTrapezoid:
+        """With its peaks: velocity 2, acceleration A = 8 pi / (pi + 2) = 4.888, jerk 4 pi A = 61.43."""
+        acceleration = 8.0 * np.pi / (np.pi + 2.0)
+        return cls("modified trapezoid", 2.0, acceleration, 4.0 * np.pi * acceleration)
+
+    def shape(self, tau: Array) -> tuple[Array, Array, Array, Array]:
+        """See ``MotionLaw.shape``."""
+        u = np.minimum(tau, 1.0 - tau)
+        peak, w = self.peak_acceleration, 4.0 * np.pi
+        # The three pieces of the first half, each continued from the end of the one before it; the second half is
+        # the first one turned about its end.
+        v1, s1 = peak / w, peak * (1.0 / (8.0 * w) - 1.0 / (w * w))
+        v2, s2 = v1 + 0.25 * peak, s1 + 0.25 * v1 + peak / 32.0
+        middle, late = u - 0.125, u - 0.375
+        pieces = [u < 0.125, u < 0.375]
+        jerk = np.select(pieces, [peak * w * np.cos(w * u), np.zeros_like(u)], -peak * w * np.sin(w * late))
+        acceleration = np.select(pieces, [peak * np.sin(w * u), np.full_like(u, peak)], peak * np.cos(w * late))
+        velocity = np.select(pieces, [v1 * (1.0 - np.cos(w * u)), v1 + peak * middle], v2 + peak / w * np.sin(w * late))
+        position = np.select(
+            pieces,
+            [v1 * (u - np.sin(w * u) / w), s1 + v1 * middle + 0.5 * peak * middle**2],
+            s2 + v2 * late + peak / w**2 * (1.0 - np.cos(w * late)),
+        )
+        second = tau > 0.5
+        return np.where(second, 1.0 - position, position), velocity, np.where(second, -acceleration, acceleration), jerk
+
+
+QUINTIC = PolynomialLaw("quintic", 15.0 / 8.0, 10.0 / np.sqrt(3.0), 60.0, (0.0, 0.0, 0.0, 10.0, -15.0, 6.0))
 """Quintic law of the transplanting paper, eqs 1-5 (eq. 3 with its leading term +tau)."""
 
 SEPTIC = PolynomialLaw(
     "septic",
-    (0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0),
     35.0 / 16.0,
     84.0 * np.sqrt(5.0) / 25.0,
     105.0 / 2.0,
+    (0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0),
 )
 """Septic law of the transplanting paper, eqs 6-10 (eq. 9 with its leading term +tau)."""
+
+MODIFIED_TRAPEZOID = ModifiedTrapezoid.standard()
+"""Lower peak acceleration for its duration than either polynomial; jerk steps at the ends."""

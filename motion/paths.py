@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .laws import QUINTIC, Array, PolynomialLaw
+from .laws import QUINTIC, Array, MotionLaw
 
 
 class PathSample(NamedTuple):
@@ -34,11 +34,11 @@ class StoppedPath:
     corners: Array
     leg_s: Array
     moving_s: Array
-    law: PolynomialLaw = QUINTIC
+    law: MotionLaw = QUINTIC
 
     @classmethod
     def under_limits(
-        cls, corners: ArrayLike, velocity_limit: float, acceleration_limit: float, law: PolynomialLaw = QUINTIC
+        cls, corners: ArrayLike, velocity_limit: float, acceleration_limit: float, law: MotionLaw = QUINTIC
     ) -> StoppedPath:
         """The fastest path through ``corners`` (m + 1, d) under limits in m/s and m/s2."""
         points = np.asarray(corners, dtype=np.float64)
