@@ -12,6 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from .. import __version__
 from .episode import Record, identity
 from .suites import Condition, Episode
 
@@ -34,7 +35,7 @@ def manifest(suite_name: str) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "suite": suite_name,
-        "fieldgym": _version("fieldgym"),
+        "fieldgym": __version__,
         "source": source_digest(),
         "packages": {name: _version(name) for name in PACKAGES},
         "python": platform.python_version(),

@@ -7,7 +7,8 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from fieldgym.scripts import benchmark, run
+import fieldgym
+from fieldgym.scripts import benchmark, reproduce, run
 from fieldgym.scripts.common import execute
 
 app = typer.Typer(
@@ -18,16 +19,12 @@ app = typer.Typer(
 )
 app.command("run")(run.main)
 app.command("benchmark")(benchmark.main)
+app.command("reproduce")(reproduce.main)
 
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            typer.echo(f"fieldgym {version('fieldgym')}")
-        except PackageNotFoundError:
-            typer.echo("fieldgym, not installed: used from its source tree")
+        typer.echo(f"fieldgym {fieldgym.__version__}")
         raise typer.Exit
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import fieldgym
+
 ROOT = Path(__file__).resolve().parents[1]
 NOT_PACKAGED = {"tests", "docs", "build", "dist", "results", "examples"}
 """Top-level folders whose Python files belong to the repository and not to the package."""
@@ -70,6 +72,7 @@ def test_wheel_names_licence_and_command(wheel: zipfile.ZipFile) -> None:
 def test_the_version_is_the_same_everywhere() -> None:
     version = re.search(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert version is not None
+    assert fieldgym.__version__ == version[1]
     assert f"\nversion: {version[1]}\n" in (ROOT / "CITATION.cff").read_text()
     assert f"\n## {version[1]}" in (ROOT / "CHANGELOG.md").read_text()
 

@@ -1,0 +1,276 @@
+"""Running, interrupting and resuming, with stand-ins for the episodes: what a benchmark must never do is lose one."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fieldgym.benchmark import runner, store
+from fieldgym.benchmark.episode import Record, failed, identity
+from fieldgym.benchmark.suites import Case, Condition, Episode, Suite
+
+CONDITION = Condition("fieldgym/Stand-v0", "pots", "analytic", None)
+
+
+def small_suite(seeds: int = 4, policies: tuple[str, ...] = ("first", "second")) -> Suite:
+    return Suite("quick", (Case(CONDITION, policies, policies[0], tuple(range(seeds))),))
+
+
+def result_of(episode: Episode) -> Record:
+    scorecard = {"net_rate": 0.5 + 0.01 * episode.seed, "cycle_time_s": None}
+    return {
+        **identity(episode),
+        "return": 1.0,
+        "rewards": {},
+        "steps": 3,
+        "terminated": True,
+        "scorecard": scorecard,
+        "wall_s": 0.1,
+        "decision_s": 0.01,
+    }
+
+
+class Counting:
+    """Runs episodes in this process and remembers which."""
+
+    def __init__(self, stop_before: int | None = None, failing: tuple[str, int] | None = None):
+        self.ran: list[tuple[str, int]] = []
+        self.stop_before, self.failing = stop_before, failing
+
+    def __call__(self, episode: Episode, cancelled=None) -> Record:
+        if len(self.ran) == self.stop_before:
+            raise KeyboardInterrupt
+        name = (episode.policy, episode.seed)
+        self.ran.append(name)
+        return failed(episode, "ValueError: bad luck") if name == self.failing else result_of(episode)
+
+
+def test_every_policy_meets_every_seed_and_each_result_is_on_the_disk_when_it_is_told(tmp_path: Path):
+    on_disk = []
+
+    def look(record: Record) -> None:
+        assert store.read(tmp_path / store.EPISODES)[-1] == record
+        on_disk.append(record)
+
+    count = Counting()
+    report = runner.run_suite(small_suite(), tmp_path, run=count, on_record=look)
+    assert count.ran == [(policy, seed) for seed in range(4) for policy in ("first", "second")]
+    assert report.records == on_disk == store.read(tmp_path / store.EPISODES)
+    manifest = json.loads((tmp_path / store.MANIFEST).read_text())
+    assert manifest["suite"] == "quick"
+    assert manifest["packages"]["numpy"]
+
+
+def test_ctrl_c_keeps_what_is_finished_and_resume_runs_only_the_rest(tmp_path: Path):
+    with pytest.raises(runner.InterruptedRunError, match="3 of 8 episodes are kept"):
+        runner.run_suite(small_suite(), tmp_path, run=Counting(stop_before=3))
+    count = Counting()
+    report = runner.run_suite(small_suite(), tmp_path, resume=True, run=count)
+    assert len(count.ran) == 5
+    assert report.skipped == 3
+    assert len({store.key(record) for record in report.records}) == len(report.records) == 8
+
+
+def test_a_torn_last_line_runs_again(tmp_path: Path):
+    runner.run_suite(small_suite(), tmp_path, run=Counting())
+    path = tmp_path / store.EPISODES
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-20])
+    count = Counting()
+    runner.run_suite(small_suite(), tmp_path, resume=True, run=count)
+    assert count.ran == [("second", 3)]
+    assert sorted(path.read_bytes().splitlines()) == sorted(whole.splitlines())
+
+
+def test_a_damaged_line_is_named(tmp_path: Path):
+    runner.run_suite(small_suite(), tmp_path, run=Counting())
+    path = tmp_path / store.EPISODES
+    lines = path.read_text().splitlines()
+    lines[2] = lines[2][:30]
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(store.ResultsError, match="line 3 is damaged"):
+        runner.run_suite(small_suite(), tmp_path, resume=True, run=Counting())
+
+
+def test_a_failing_episode_is_reported_and_loses_no_other(tmp_path: Path):
+    report = runner.run_suite(small_suite(), tmp_path, run=Counting(failing=("second", 1)))
+    assert [(record["policy"], record["seed"], record["error"]) for record in report.failures] == [
+        ("second", 1, "ValueError: bad luck")
+    ]
+    assert len(report.records) == 7
+    again = Counting()
+    report = runner.run_suite(small_suite(), tmp_path, resume=True, run=again)
+    assert again.ran == [("second", 1)]
+    assert len(report.records) == 8
+    assert not report.failures
+
+
+@pytest.mark.parametrize(
+    ("entry", "value", "told"),
+    [
+        ("fieldgym", "0.0.1", "fieldgym 0.0.1"),
+        ("suite", "full", "suite full"),
+        ("source", "0123", "state of the source 0123"),
+        ("packages", {"numpy": "1.0"}, "numpy 1.0"),
+    ],
+)
+def test_results_of_another_state_are_not_continued(tmp_path: Path, entry: str, value: object, told: str):
+    runner.run_suite(small_suite(), tmp_path, run=Counting())
+    path = tmp_path / store.MANIFEST
+    path.write_text(json.dumps({**json.loads(path.read_text()), entry: value}))
+    before = (tmp_path / store.EPISODES).read_bytes()
+    with pytest.raises(store.ResultsError, match=told):
+        runner.run_suite(small_suite(), tmp_path, resume=True, run=Counting())
+    assert (tmp_path / store.EPISODES).read_bytes() == before
+
+
+def test_a_missing_manifest_is_told(tmp_path: Path):
+    runner.run_suite(small_suite(), tmp_path, run=Counting())
+    (tmp_path / store.MANIFEST).unlink()
+    with pytest.raises(store.ResultsError, match="missing or damaged"):
+        runner.run_suite(small_suite(), tmp_path, resume=True, run=Counting())
+
+
+def test_starting_over_keeps_the_previous_results_aside(tmp_path: Path):
+    runner.run_suite(small_suite(2), tmp_path, run=Counting())
+    (tmp_path / "summary.md").write_text("old")
+    runner.run_suite(small_suite(1), tmp_path, run=Counting())
+    assert len(store.read(tmp_path / store.EPISODES)) == 2
+    assert len(store.read(tmp_path / "episodes.previous.jsonl")) == 4
+    assert not (tmp_path / "summary.md").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(store.ResultsError, match=r"cannot write results to .*: choose another folder with --out") as told:
+        runner.run_suite(small_suite(), tmp_path / "file" / "results", run=Counting())
+    assert "\n" not in str(told.value)
+
+
+def test_jobs_must_be_positive(tmp_path: Path):
+    with pytest.raises(ValueError, match="jobs = 0"):
+        runner.run_suite(small_suite(), tmp_path, jobs=0)
+
+
+SCRIPT = '''
+import os, sys, time
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from test_benchmark_runner import result_of, small_suite
+from fieldgym.benchmark import runner
+
+folder, jobs, policies = Path(sys.argv[1]), int(sys.argv[2]), tuple(sys.argv[3].split(","))
+
+def run(episode, cancelled):
+    (folder / f"worker-{{os.getpid()}}").touch()
+    if episode.policy == "crash" and episode.seed == 1:
+        os._exit(9)
+    for _ in range(int(os.environ.get("TENTHS", "1"))):
+        if cancelled():
+            raise runner_cancelled()
+        time.sleep(0.1)
+    with open(folder / "ran", "a") as log:
+        log.write(f"{{episode.policy}} {{episode.seed}}\\n")
+    return result_of(episode)
+
+def runner_cancelled():
+    from fieldgym.benchmark.episode import EpisodeCancelledError
+    return EpisodeCancelledError()
+
+if __name__ == "__main__":
+    try:
+        report = runner.run_suite(small_suite(6, policies), folder, jobs, "--resume" in sys.argv, run=run)
+    except runner.InterruptedRunError as error:
+        print(error)
+        sys.exit(130)
+    print(len(report.records), "finished", [(r["policy"], r["seed"], r["error"]) for r in report.failures])
+'''
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Path:
+    path = tmp_path / "run_episodes.py"
+    path.write_text(SCRIPT.format(tests=str(Path(__file__).parent)))
+    return path
+
+
+def start(script: Path, folder: Path, jobs: int, policies: str, *words: str) -> "subprocess.Popen[str]":
+    folder.mkdir(exist_ok=True)
+    return subprocess.Popen(
+        [sys.executable, str(script), str(folder), str(jobs), policies, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def wait_for_lines(path: Path, lines: int, process: "subprocess.Popen[str]") -> None:
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline and process.poll() is None:
+        if path.exists() and path.read_bytes().count(b"\n") >= lines:
+            return
+        time.sleep(0.02)
+    raise AssertionError(f"{path} did not grow: {process.communicate() if process.poll() is not None else 'timeout'}")
+
+
+def alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_ctrl_c_in_the_terminal_ends_quietly_and_resume_completes(tmp_path: Path, script: Path, jobs: int):
+    """The terminal sends Ctrl-C to the workers as well: they must not print tracebacks or lose what is written."""
+    folder = tmp_path / "results"
+    process = start(script, folder, jobs, "first,second")
+    wait_for_lines(folder / store.EPISODES, 3, process)
+    os.killpg(process.pid, signal.SIGINT)
+    output, errors = process.communicate(timeout=30)
+    kept = len(store.read(folder / store.EPISODES))
+    assert process.returncode == 130
+    assert output == f"stopped: {kept} of 12 episodes are kept\n"
+    assert errors == ""
+    assert 3 <= kept < 12
+    finished_before = {store.key(record) for record in store.read(folder / store.EPISODES)}
+    (folder / "ran").unlink()
+
+    output, errors = start(script, folder, jobs, "first,second", "--resume").communicate(timeout=60)
+    assert output == "12 finished []\n", errors
+    ran = (folder / "ran").read_text().splitlines()
+    assert len(ran) == len(set(ran)) == 12 - kept
+    assert not {f"{key[4]} {key[5]}" for key in finished_before} & set(ran)
+
+
+@pytest.mark.slow
+def test_a_killed_benchmark_leaves_no_worker_and_can_be_resumed(tmp_path: Path, script: Path):
+    folder = tmp_path / "results"
+    process = start(script, folder, 2, "first,second")
+    wait_for_lines(folder / store.EPISODES, 3, process)
+    workers = [int(path.name.removeprefix("worker-")) for path in folder.glob("worker-*")]
+    assert len(workers) == 2
+    process.kill()
+    process.communicate()
+    with open(folder / store.EPISODES, "a") as file:
+        file.write('{"env_id": "fieldgym/Sta')
+    deadline = time.monotonic() + 20.0
+    while any(map(alive, workers)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(map(alive, workers))
+    output, errors = start(script, folder, 2, "first,second", "--resume").communicate(timeout=60)
+    assert output == "12 finished []\n", errors
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_costs_only_its_own_episode(tmp_path: Path, script: Path):
+    output, errors = start(script, tmp_path / "results", 2, "first,crash").communicate(timeout=120)
+    assert output.startswith("11 finished [('crash', 1, 'the worker process died"), errors
