@@ -73,7 +73,7 @@ class ProcessConfig:
     stroke_cut: float = 0.80
     """Share of the remaining filaments that one centred stroke cuts [identified: 87.91 % net rate]."""
     cut_radius_m: float = 0.012
-    """Radial tool error at which a stroke has lost 39 % of its cut (Gaussian sigma) [assumed: half the 24 mm radius]."""
+    """Radial tool error (Gaussian sigma) that costs a stroke 39 % of its cut [assumed: half the tuft's radius]."""
     cut_height_m: float = 0.010
     """The same for a tool held too high or too low [assumed: half the 21.6 mm head height]."""
     capture_radius_m: float = 0.024
@@ -205,11 +205,16 @@ POTS = ScenarioConfig(
 )
 
 
-def _row(pitch_m: float, time_limit_s: float, occluded: float) -> ScenarioConfig:
+_PLANTS_IN_ROW = 12
+_PACE_S_PER_M = 250.0
+"""Time that a metre of row is allowed, whatever grows on it: dense rows cannot be picked clean [assumed]."""
+
+
+def _row(pitch_m: float, occluded: float) -> ScenarioConfig:
     # Plant height 0.89 m, crown 274.5 mm, 15.71 heads a plant [published: field means]; the spread of heights within
     # a row, the dispersion and the drops of the later heads are [assumed].
     return ScenarioConfig(
-        plants=12,
+        plants=_PLANTS_IN_ROW,
         pitch_m=pitch_m,
         window_m=0.30,
         max_heads=36,
@@ -222,16 +227,16 @@ def _row(pitch_m: float, time_limit_s: float, occluded: float) -> ScenarioConfig
         visit_day=(3.0, 13.0),
         occluded=occluded,
         potted=False,
-        time_limit_s=time_limit_s,
+        time_limit_s=_PACE_S_PER_M * _PLANTS_IN_ROW * pitch_m,
         max_tracks=256,
     )
 
 
 SCENARIOS: dict[str, ScenarioConfig] = {
     "pots": POTS,
-    "row-sparse": _row(0.30, 3600.0, 0.10),
-    "row": _row(0.20, 3600.0, 0.175),
-    "row-dense": _row(0.125, 3600.0, 0.25),
+    "row-sparse": _row(0.30, 0.10),
+    "row": _row(0.20, 0.175),
+    "row-dense": _row(0.125, 0.25),
 }
 
 

@@ -1,0 +1,64 @@
+"""Names of policies and how to make them for an environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from difflib import get_close_matches
+from typing import Any
+
+from ..envs import describe
+from .policy import Policy, RandomPolicy
+
+Factory = Callable[[Any, int], Policy]
+
+
+def _safflower() -> dict[str, Factory]:
+    from .safflower import FixedOrder, GramsPerSecond, Nearest, NearestTwoOpt
+
+    return {
+        "random": lambda config, seed: RandomPolicy(seed),
+        "fixed-order": lambda config, seed: FixedOrder(),
+        "nearest": lambda config, seed: Nearest(),
+        "nearest-2opt": lambda config, seed: NearestTwoOpt(config),
+        "grams-per-second": lambda config, seed: GramsPerSecond(config),
+    }
+
+
+_POLICIES: dict[str, Callable[[], dict[str, Factory]]] = {"fieldgym/SafflowerPicking-v0": _safflower}
+_REFERENCES = {"fieldgym/SafflowerPicking-v0": "fixed-order"}
+
+
+def policy_names(env_id: str) -> tuple[str, ...]:
+    """Policies that there are for an environment.
+
+    Raises:
+        ValueError: unknown environment.
+    """
+    return tuple(_POLICIES[describe(env_id).id]())
+
+
+def reference_policy(env_id: str) -> str:
+    """The paper's own way of choosing, to which the others are compared."""
+    return _REFERENCES[describe(env_id).id]
+
+
+def make_policy(name: str, env: Any, seed: int = 0) -> Policy:
+    """Make a policy for an environment.
+
+    Args:
+        name: one of ``policy_names``.
+        env: an ``Env`` or ``VectorEnv`` made by Gymnasium; its id and configuration are what the policy needs.
+        seed: seed of the policy's own chance, if it has any.
+
+    Raises:
+        ValueError: unknown policy; the message lists the choices.
+    """
+    spec = env.unwrapped.spec
+    if spec is None:
+        raise ValueError("the environment has no spec: make it with gymnasium.make or gymnasium.make_vec")
+    factories = _POLICIES[describe(spec.id).id]()
+    if name not in factories:
+        near = get_close_matches(name, factories, n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise ValueError(f"policy {name!r} is unknown for {spec.id}: {hint}choose one of {', '.join(factories)}")
+    return factories[name](env.unwrapped.core.config, seed)

@@ -1,0 +1,65 @@
+"""Which environments there are, in words that documents, tables and the command line share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import gymnasium as gym
+
+
+@dataclass(frozen=True)
+class TaskDescription:
+    """What a person needs to know to choose an environment."""
+
+    id: str
+    machine: str
+    paper: str
+    decision: str
+    actions: str
+    scenarios: tuple[str, ...]
+    headline_scenario: str
+    backends: tuple[str, ...]
+    perceptions: tuple[str, ...]
+    entry_point: str
+    vector_entry_point: str
+
+
+TASKS = (
+    TaskDescription(
+        id="fieldgym/SafflowerPicking-v0",
+        machine="planar five-bar with shear and suction on a cart that stops",
+        paper="Guo et al. 2022, Engenharia Agricola 42(1) e20210129",
+        decision="which head next, how thoroughly, when to drive on",
+        actions="Discrete(3 K + 1): slot x (quick, normal, thorough), or drive on",
+        scenarios=("pots", "row-sparse", "row", "row-dense"),
+        headline_scenario="pots",
+        backends=("pybullet", "analytic"),
+        perceptions=("perfect", "model", "camera"),
+        entry_point="fieldgym.envs.safflower.env:SafflowerPickingEnv",
+        vector_entry_point="fieldgym.envs.safflower.env:SafflowerPickingVectorEnv",
+    ),
+)
+
+ENV_IDS = tuple(task.id for task in TASKS)
+
+
+def register() -> None:
+    """Register every environment; calling it again changes nothing."""
+    for task in TASKS:
+        if task.id not in gym.registry:
+            gym.register(task.id, entry_point=task.entry_point, vector_entry_point=task.vector_entry_point)
+
+
+def describe(env_id: str) -> TaskDescription:
+    """Description of a registered id.
+
+    Raises:
+        ValueError: unknown id; the message lists the choices.
+    """
+    for task in TASKS:
+        if task.id == env_id:
+            return task
+    near = get_close_matches(env_id, ENV_IDS, n=1, cutoff=0.3)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise ValueError(f"environment {env_id!r} is unknown: {hint}choose one of {', '.join(ENV_IDS)}")

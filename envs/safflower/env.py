@@ -1,0 +1,133 @@
+"""The Gymnasium environments of the safflower picker."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from gymnasium.vector import AutoresetMode
+
+from ..core import BACKENDS, PERCEPTIONS, Rows, choice
+from ..single import TaskEnv
+from ..vector import TaskVectorEnv
+from .config import SCENARIOS, PerceptionModel, SafflowerConfig
+from .task import PickerOutcome, PickerPlan, SafflowerCore
+
+
+class AnalyticPicker:
+    """Executor that takes the plan's word: nominal phase times, the tool exactly where it was sent."""
+
+    def reset_rows(self, rows: Rows) -> None:
+        """Nothing to prepare."""
+
+    def execute(self, plan: PickerPlan) -> PickerOutcome:
+        """What the plan says."""
+        return PickerOutcome(plan.phases_s, plan.target)
+
+    def close(self) -> None:
+        """Nothing to free."""
+
+
+class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
+    """Pick safflower filaments with a planar five-bar on a cart that stops (``fieldgym/SafflowerPicking-v0``).
+
+    A cart carries a camera and, behind it, a two-degree-of-freedom five-bar that works in the vertical plane across
+    the row. At every stop the camera reports heads; each decision sends the tool to one of them, or drives on. The
+    tool shears the filaments with reciprocating strokes and sucks them into a box (Guo et al. 2022, Eng. Agric. 42(1)
+    e20210129). The episode ends when the machine leaves the last stop; it is truncated at the scenario's time limit.
+
+    **Action**, ``Discrete(3 K + 1)``: ``slot * 3 + effort`` with effort 0 quick (1 stroke, 1 s of suction), 1 normal
+    (2, 2 s), 2 thorough (3, 3 s); ``3 K`` drives to the next stop, at the last one it ends the episode. Empty slots
+    and heads out of reach are masked; an illegal action does nothing, costs one second and is counted.
+
+    **Observation**, a ``Dict`` of float32 boxes scaled to order one:
+
+    - ``machine`` (6,): ``ahead`` arm plane minus the stop's centre along the row / 0.3 m, ``across`` / 0.15 m,
+      ``height`` below the traverse level / 0.2 m, ``time`` / time limit, ``stops_left`` / stops, ``remaining``
+      reports at this stop / K.
+    - ``candidates`` (K, 11), reports of this stop in the fixed order, empty rows zero: ``present``, ``along`` report
+      minus arm plane / 0.3 m, ``across`` / 0.15 m, ``height`` / 0.2 m, ``travel`` time to get there / 4 s, one-hot
+      reported stage (bud, fresh, late, dry), ``size`` filament spread / 0.05 m, ``reachable``.
+    - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
+
+    **Reward**: the sum of ``info["rewards"]``, in grams: ``collected`` filaments, ``lost`` ones that a pick left on
+    the head or dropped (-0.25 a gram), ``time`` (-0.008 a second).
+
+    **Score**: ``info["scorecard"]``: ``net_rate`` = collected / all filaments of open heads in the field (eq. 35),
+    ``cycle_time_s`` = time until the last head was done / heads done (eq. 34), throughput, phases, grams.
+
+    Args:
+        scenario: ``"pots"`` (the paper's protocol), ``"row-sparse"``, ``"row"`` or ``"row-dense"``.
+        backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
+        perception: ``"camera"`` renders and segments images, ``"model"`` draws from statistics measured on such
+            images, ``"perfect"`` reports every open or faded head where it is. Default: camera with PyBullet, model
+            with the analytic backend.
+        slots: candidates K shown at once.
+        config: every number of the task; ``scenario`` and ``slots`` replace its own.
+        render_mode: ``"rgb_array"``, ``"human"`` or None.
+
+    Raises:
+        ValueError: an argument is unknown or out of range; the message says what is allowed.
+    """
+
+    def __init__(
+        self,
+        scenario: str | None = None,
+        backend: str = "pybullet",
+        perception: str | None = None,
+        slots: int | None = None,
+        config: SafflowerConfig | None = None,
+        render_mode: str | None = None,
+    ):
+        """Build the rules, the executor and, where asked for, the scene."""
+        config = configured(config, scenario, slots)
+        choice("backend", backend, BACKENDS)
+        perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
+        core = SafflowerCore(config, perception_model(perception))
+        super().__init__(core, AnalyticPicker(), None, render_mode)
+
+
+class SafflowerPickingVectorEnv(TaskVectorEnv[PickerPlan, PickerOutcome]):
+    """``num_envs`` worlds of ``fieldgym/SafflowerPicking-v0`` in one batch, with the analytic backend.
+
+    Args as in ``SafflowerPickingEnv`` and ``TaskVectorEnv``. PyBullet machines run one a process: use
+    ``vectorization_mode="async"`` for those.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenario: str | None = None,
+        backend: str = "analytic",
+        perception: str | None = None,
+        slots: int | None = None,
+        config: SafflowerConfig | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+    ):
+        """Build the rules for all worlds."""
+        if choice("backend", backend, BACKENDS) != "analytic":
+            raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
+        if choice("perception", perception or "model", PERCEPTIONS) == "camera":
+            raise ValueError('perception = \'camera\' is not batched: use "model", or vectorization_mode="async"')
+        core = SafflowerCore(configured(config, scenario, slots), perception_model(perception or "model"), num_envs)
+        super().__init__(core, AnalyticPicker(), autoreset_mode)
+        if render_mode is not None:
+            raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
+
+
+def configured(config: SafflowerConfig | None, scenario: str | None, slots: int | None) -> SafflowerConfig:
+    """The configuration with a named scenario and a number of slots put in."""
+    changes: dict[str, Any] = {}
+    if scenario is not None:
+        changes["scenario"] = SCENARIOS[choice("scenario", scenario, tuple(SCENARIOS))]
+    if slots is not None:
+        changes["slots"] = slots
+    return replace(config or SafflowerConfig(), **changes)
+
+
+def perception_model(perception: str) -> PerceptionModel | None:
+    """Statistics behind a perception level; None when reports come from a camera."""
+    if perception == "camera":
+        return None
+    return PerceptionModel.perfect() if perception == "perfect" else PerceptionModel.measured()
