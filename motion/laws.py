@@ -65,21 +65,18 @@ class MotionLaw:
         Raises:
             ValueError: a limit is not positive.
         """
-        for name, limit in (
-            ("velocity_limit", velocity_limit),
-            ("acceleration_limit", acceleration_limit),
-            ("jerk_limit", jerk_limit),
-        ):
-            if not np.all(np.asarray(limit) > 0.0):
+        v, a, j = (np.asarray(limit, dtype=np.float64) for limit in (velocity_limit, acceleration_limit, jerk_limit))
+        for name, limit in (("velocity_limit", v), ("acceleration_limit", a), ("jerk_limit", j)):
+            if not np.all(limit > 0.0):
                 raise ValueError(f"{name} = {limit} must be positive")
-        return self.duration_unchecked(stroke_m, velocity_limit, acceleration_limit, jerk_limit)
+        return self.duration_unchecked(stroke_m, v, a, j)
 
     def duration_unchecked(
         self,
         stroke_m: ArrayLike,
-        velocity_limit: ArrayLike,
-        acceleration_limit: ArrayLike,
-        jerk_limit: ArrayLike = np.inf,
+        velocity_limit: float | Array,
+        acceleration_limit: float | Array,
+        jerk_limit: float | Array = np.inf,
     ) -> Array:
         """``duration`` for limits that a configuration has already checked: the rule engines call it every decision."""
         stroke = np.abs(stroke_m)
@@ -88,7 +85,7 @@ class MotionLaw:
         shortest = np.maximum(by_velocity, by_acceleration)
         if jerk_limit is np.inf:
             return shortest
-        return np.maximum(shortest, np.cbrt(self.peak_jerk * stroke / np.asarray(jerk_limit)))
+        return np.maximum(shortest, np.cbrt(self.peak_jerk * stroke / jerk_limit))
 
     def sample(self, time_s: ArrayLike, stroke_m: ArrayLike, duration_s: ArrayLike) -> MotionSample:
         """State at ``time_s`` (held at the ends outside [0, duration]); arguments broadcast.

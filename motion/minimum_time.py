@@ -88,9 +88,9 @@ def minimum_time(
 
     The tool stops at sharp joints. Straight stretches between stops are exact (``SCurve``). Curved ones without a jerk
     limit are optimal up to the discretisation, on its safe side: a step respects the acceleration limit at its tighter
-    end (below 0.1 % slow at 200 steps a segment on gate paths; where the curvature varies the limit holds to 1e-4). With a jerk limit a curved stretch takes the optimal
-    motion under |v| and |a|, averaged over a window of time and slowed until all limits hold, with the best window:
-    feasible, but not proven the fastest.
+    end (below 0.1 % slow at 200 steps a segment on gate paths; where the curvature varies the limit holds to 1e-4).
+    With a jerk limit a curved stretch takes the optimal motion under |v| and |a|, averaged over a window of time and
+    slowed until all limits hold, with the best window: feasible, but not proven the fastest.
 
     Args:
         path: see ``rounded`` and ``polyline``.

@@ -2,65 +2,73 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..benchmark.reproduction import report
+from fieldgym.scripts.common import CommandError, at_least_one, chosen, execute
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-
-class Paper(str, Enum):
-    """What can be reproduced."""
-
-    laser = "laser"
-    prrs = "prrs"
-    safflower = "safflower"
-    transplanting = "transplanting"
-    all = "all"
+    from fieldgym.benchmark.reproduction.report import ChapterResult
 
 
 def main(
-    paper: Annotated[Paper, typer.Argument(help="Which paper's results to compute.")] = Paper.all,
-    out: Annotated[Path, typer.Option(help="Directory for the index, the figures and findings.json.")] = Path(
+    paper: Annotated[str, typer.Argument(metavar="[laser|prrs|safflower|transplanting|all]")] = "all",
+    out: Annotated[Path, typer.Option(help="Folder for the index, the figures and findings.json.")] = Path(
         "results/reproduction"
     ),
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON instead of tables.")] = False,
-    processes: Annotated[int, typer.Option(min=1, help="Papers computed at once.")] = 2,
+    jobs: Annotated[int, typer.Option(help="Papers computed at once.")] = 2,
 ) -> None:
-    """Compute the published results again and set each beside the printed one, with a verdict and the reason."""
+    """Compute the papers' published results again and set each beside the printed one, with verdict and reason.
+
+    Try:
+
+      fieldgym reproduce
+
+      fieldgym reproduce transplanting --out results/transplanting
+    """
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 
-    keys = report.CHAPTERS if paper is Paper.all else (paper.value,)
-    with Progress(
-        SpinnerColumn(), *Progress.get_default_columns(), TimeElapsedColumn(), console=Console(stderr=True)
-    ) as progress:
-        task = progress.add_task("papers", total=len(keys))
+    from fieldgym.benchmark.reproduction import report
 
-        def on_done(result: report.ChapterResult) -> None:
-            progress.console.log(f"{result.key}: {len(result.findings)} findings in {result.seconds:.1f} s")
-            progress.advance(task)
+    wanted = chosen(paper, (*report.CHAPTERS, "all"), "paper")
+    keys = report.CHAPTERS if wanted == "all" else (wanted,)
+    at_least_one(jobs, "--jobs")
+    columns = (SpinnerColumn(), *Progress.get_default_columns(), TimeElapsedColumn())
+    try:
+        with Progress(*columns, console=Console(stderr=True)) as progress:
+            task = progress.add_task("Papers", total=len(keys))
 
-        results = report.reproduce(keys, out, processes, on_done)
+            def on_done(result: ChapterResult) -> None:
+                progress.console.print(f"{result.key}: {len(result.findings)} findings in {result.seconds:.1f} s")
+                progress.advance(task)
+
+            results = report.reproduce(keys, out, jobs, on_done)
+    except ModuleNotFoundError as error:
+        if error.name != "matplotlib":
+            raise
+        raise CommandError('the figures need matplotlib: pip install "fieldgym[bench]"') from None
+    except OSError as error:
+        raise CommandError(f"cannot write to {out} ({error.strerror}): choose another folder with --out") from None
     if as_json:
         typer.echo(report.to_json(results), nl=False)
         return
     console = Console()
     for result in results:
         _print_table(console, result)
-    console.print(f"\nIndex with all tables and figures: {out / 'index.html'} and {out / 'index.md'}")
+    console.print(f"\nAll tables and figures: {out / 'index.html'} and {out / 'index.md'}")
 
 
-def _print_table(console: Console, result: report.ChapterResult) -> None:
+def _print_table(console: Console, result: ChapterResult) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from ..benchmark.reproduction import Verdict
+    from fieldgym.benchmark.reproduction import Verdict, report
 
     colours = {
         Verdict.REPRODUCED: "green",
@@ -82,4 +90,6 @@ def _print_table(console: Console, result: report.ChapterResult) -> None:
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    app = typer.Typer(add_completion=False)
+    app.command()(main)
+    execute(app, "python scripts/reproduce.py")
