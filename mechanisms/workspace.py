@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 
 from .batching import Array
+from .regions import boundary_loops
 
-Method = Literal["monte-carlo", "polar"]
+Method = Literal["monte-carlo", "polar", "grid"]
 Reachable = Callable[[Array], np.ndarray]
 
 
@@ -21,12 +22,17 @@ class PlanarWorkspace:
     Attributes:
         points: reachable sample points, shape (n, 2), metres.
         area_m2: area of the region.
-        boundary: closed outline without the repeated first point, shape (m, 2), anticlockwise, metres.
+        boundary: closed outline without the repeated first point, shape (m, 2), anticlockwise, metres; the outline of
+            the largest part where the region falls apart.
+        holes: outlines of the unreachable parts inside, clockwise; only the grid method looks for them.
+        islands: outlines of the further parts, anticlockwise; only the grid method looks for them.
     """
 
     points: Array
     area_m2: float
     boundary: Array
+    holes: tuple[Array, ...] = ()
+    islands: tuple[Array, ...] = ()
 
 
 def planar_workspace(
@@ -41,24 +47,27 @@ def planar_workspace(
 
     ``"monte-carlo"`` (the method of the safflower paper, Fig. 6) throws uniform points into the box, so the share of
     hits is the area without bias. ``"polar"`` searches outwards on rays from the region's centre and bisects the last
-    reachable stretch; it assumes that every ray meets the region in one piece.
+    reachable stretch; it assumes that every ray meets the region in one piece. ``"grid"`` samples a lattice, traces all
+    boundaries with bisected crossings and so knows holes and islands.
 
     Args:
         reachable: maps positions (n, 2) to booleans (n,).
         lower: lower left corner of the search box, metres.
         upper: upper right corner of the search box, metres.
         method: see above.
-        samples: points thrown, or points tried in all on the rays.
+        samples: points thrown, tried in all on the rays, or laid out.
         seed: seed of the thrown points.
 
     Raises:
         ValueError: unknown method, or nothing in the box is reachable.
     """
     low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+    if method == "grid":
+        return _grid_workspace(reachable, low, high, max(round(samples**0.5), 8))
     thrown = low + (high - low) * np.random.default_rng(seed).random((samples, 2))
     hits = thrown[reachable(thrown)]
     if len(hits) == 0:
-        raise ValueError(f"no point of the box {lower}..{upper} m is reachable: widen the box or the limits")
+        raise _nothing_reachable(low, high)
     rays = 360
     boundary = _polar_boundary(reachable, hits.mean(axis=0), float(np.linalg.norm(high - low)), rays, samples // rays)
     if method == "monte-carlo":
@@ -66,7 +75,7 @@ def planar_workspace(
     elif method == "polar":
         area = polygon_area(boundary)
     else:
-        raise ValueError(f"method {method!r} is unknown: choose 'monte-carlo' or 'polar'")
+        raise ValueError(f"method {method!r} is unknown: choose 'monte-carlo', 'polar' or 'grid'")
     return PlanarWorkspace(points=hits, area_m2=area, boundary=boundary)
 
 
@@ -115,6 +124,30 @@ def best_triangle(points: Array, area_m2: float, side_m: float) -> tuple[Array, 
                 if overlap > best[1]:
                     best, middle = (triangle, float(overlap)), centre
     return best
+
+
+def _nothing_reachable(low: Array, high: Array) -> ValueError:
+    box = f"{low.tolist()}..{high.tolist()}"
+    return ValueError(f"no point of the box {box} m is reachable: widen the box or the limits")
+
+
+def _grid_workspace(reachable: Reachable, low: Array, high: Array, cells: int) -> PlanarWorkspace:
+    def in_box(points: Array) -> np.ndarray:
+        # What reaches beyond the box is cut off at its rim, so that every boundary closes.
+        return reachable(points) & np.all((points >= low) & (points <= high), axis=-1)
+
+    step = (high - low) / (cells - 1)
+    x, y = (np.linspace(low[k] - step[k], high[k] + step[k], cells + 2) for k in (0, 1))
+    lattice = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    points = lattice[in_box(lattice)]
+    if len(points) == 0:
+        raise _nothing_reachable(low, high)
+    loops = boundary_loops(in_box, x, y)
+    areas = np.array([polygon_area(loop) for loop in loops])
+    order = [int(i) for i in np.argsort(-areas)]
+    outlines = tuple(loops[i] for i in order if areas[i] > 0.0)
+    holes = tuple(loops[i] for i in reversed(order) if areas[i] < 0.0)
+    return PlanarWorkspace(points, float(areas.sum()), outlines[0], holes, outlines[1:])
 
 
 def _polar_boundary(reachable: Reachable, centre: Array, radius_m: float, rays: int, per_ray: int) -> Array:

@@ -1,0 +1,120 @@
+"""Find the 3-PRRS of the sorting cell: ``python -m fieldgym.scripts.synthesise_sorter``.
+
+The machine hangs over a belt 0.3 m wide. Required:
+
+- gripping: every point of a cylinder 0.30 m across and 0.10 m high, with a yaw up to +-45 deg and, at the same time, a
+  tilt up to 15 deg towards any side (more tilt with less yaw, and near the middle, is what the limits leave);
+- placing: level, a cylinder 0.40 m across and 0.10 m high, so that bins beside the belt are within reach;
+- limits: spherical joints up to 55 deg, just under what the paper's workspace needs (assumed); links at least 30 mm
+  apart (bars of 25 mm, assumed); a platform circle of 160 mm, which takes a gripper (assumed); sliders no closer
+  together than the platform's joints.
+
+Among the layouts on a raster of 5 mm in l and 10 mm in D the one with the shortest links is taken; ties go to the
+largest smallest singular value (speeds of joints per speed of the platform) over the required set. The slider range is
+what the required set uses, rounded outwards to 5 mm, with the cylinders standing on z = 0.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fieldgym.mechanisms import ThreePRRS
+
+PLATFORM_DIAMETER_M = 0.160
+CONE_RAD = np.deg2rad(55.0)
+LINK_CLEARANCE_M = 0.030
+MIN_PLATFORM_LOCK = 0.25
+GRIP_RADIUS_M, PLACE_RADIUS_M, HEIGHT_M = 0.15, 0.20, 0.10
+TILT_RAD, YAW_RAD = np.deg2rad(15.0), np.deg2rad(45.0)
+_ANY_SLIDER_M = (-10.0, 10.0)
+
+
+class Candidate(NamedTuple):
+    """A layout and its figures over the required set."""
+
+    machine: ThreePRRS
+    smallest_singular_value: float
+    largest_condition_number: float
+    smallest_lock: float
+
+
+def required_poses() -> np.ndarray:
+    """Poses at z = 0 that span the required set, shape (n, 6); only the sliders see the height."""
+    return np.concatenate([_poses(GRIP_RADIUS_M, TILT_RAD, YAW_RAD), _poses(PLACE_RADIUS_M, 0.0, 0.0)])
+
+
+def evaluate(link_m: float, base_diameter_m: float, poses: np.ndarray) -> Candidate | None:
+    """A layout with the slider range that it needs, or None where it breaks a limit."""
+    free = ThreePRRS(
+        link_m, base_diameter_m, PLATFORM_DIAMETER_M, _ANY_SLIDER_M, CONE_RAD, LINK_CLEARANCE_M, MIN_PLATFORM_LOCK
+    )
+    if not free.reachable(poses).all():
+        return None
+    sliders = free.inverse(poses)[:, :3]
+    low = np.floor(sliders.min() / 0.005) * 0.005
+    high = np.ceil((sliders.max() + HEIGHT_M) / 0.005) * 0.005
+    machine = ThreePRRS(
+        link_m,
+        base_diameter_m,
+        PLATFORM_DIAMETER_M,
+        (round(float(low), 3), round(float(high), 3)),
+        CONE_RAD,
+        LINK_CLEARANCE_M,
+        MIN_PLATFORM_LOCK,
+    )
+    conditioning = machine.conditioning(poses)
+    lock = machine.margins(poses)["platform_lock"].min() + MIN_PLATFORM_LOCK
+    return Candidate(machine, float(conditioning.smallest.min()), float(conditioning.number.max()), float(lock))
+
+
+def synthesise() -> list[Candidate]:
+    """All layouts with the shortest links, best first.
+
+    Raises:
+        ValueError: no layout of the raster holds the required set.
+    """
+    poses = required_poses()
+    for link_mm in range(200, 601, 5):
+        found = [
+            candidate
+            for base_mm in range(int(PLATFORM_DIAMETER_M * 1000), 2 * link_mm, 10)
+            if (candidate := evaluate(link_mm / 1000, base_mm / 1000, poses)) is not None
+        ]
+        if found:
+            return sorted(found, key=lambda candidate: -candidate.smallest_singular_value)
+    raise ValueError("no layout with links up to 0.6 m holds the required set: relax it or widen the raster")
+
+
+def main() -> None:
+    """Print the layouts with the shortest links."""
+    print("  l mm   D mm   d mm  sliders mm  smallest s.v.  condition  lock")
+    for candidate in synthesise():
+        machine = candidate.machine
+        low, high = (round(1000 * limit) for limit in machine.slider_range_m)
+        lengths = (machine.link_m, machine.base_diameter_m, machine.platform_diameter_m)
+        print(
+            *(f"{1000 * length:6.0f}" for length in lengths),
+            f"{low:6d}..{high}",
+            f"{candidate.smallest_singular_value:10.3f}",
+            f"{candidate.largest_condition_number:13.2f}",
+            f"{candidate.smallest_lock:7.3f}",
+        )
+
+
+def _poses(radius_m: float, tilt_rad: float, yaw_rad: float) -> np.ndarray:
+    azimuths = np.deg2rad(np.arange(0.0, 360.0, 10.0))
+    circle = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)
+    places = np.concatenate([[[0.0, 0.0]], 0.5 * radius_m * circle, radius_m * circle])
+    tilts = np.concatenate([[[0.0, 0.0]], tilt_rad * circle[::3]]) if tilt_rad else np.zeros((1, 2))
+    yaws = np.linspace(-yaw_rad, yaw_rad, 7) if yaw_rad else np.zeros(1)
+    turns = np.array([(*tilt, yaw) for tilt in tilts for yaw in yaws])
+    poses = np.zeros((len(places), len(turns), 6))
+    poses[..., :2] = places[:, None]
+    poses[..., 3:] = turns
+    return poses.reshape(-1, 6)
+
+
+if __name__ == "__main__":
+    main()
