@@ -61,9 +61,9 @@ class NearestTwoOpt(StatelessPolicy):
 
     def __init__(self, config: SafflowerConfig):
         """Take the machine's rates from the configuration."""
-        machine = config.machine
-        self._velocity = np.array([machine.cart_velocity, machine.tool_velocity])
-        self._acceleration = np.array([machine.cart_acceleration, machine.tool_acceleration])
+        picker = config.machine.picker
+        self._velocity = np.array([picker.cart_velocity_m_s, picker.tool_velocity_m_s])
+        self._acceleration = np.array([picker.cart_acceleration_m_s2, picker.tool_acceleration_m_s2])
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
@@ -90,7 +90,8 @@ class GramsPerSecond(StatelessPolicy):
 
     While the row can be finished in time a second costs what the reward charges, every head is worth its best effort
     and the soonest reached one comes next. When the time will not do, a second costs what picking earns on average:
-    efforts shrink, the head with the highest surplus per second comes next, and below-average ones only within the stop's share.
+    efforts shrink, the head with the highest surplus per second comes next, and below-average ones only within the
+    stop's share.
     """
 
     name = "grams-per-second"

@@ -12,7 +12,7 @@ from functools import lru_cache
 from importlib.resources import files
 from math import inf
 
-from ...mechanisms import FiveBar
+from ...simulation.picker_model import PickerParameters
 
 EFFORTS = ("quick", "normal", "thorough")
 STAGES = ("bud", "fresh", "late", "dry")
@@ -28,29 +28,20 @@ def _require(owner: object, low: float, *names: str, high: float = inf) -> None:
 
 @dataclass(frozen=True)
 class MachineConfig:
-    """The cart and its arm. Rates are those of the motion law's peaks."""
+    """The cart and its arm: the machine itself and how it is used."""
 
-    bar: FiveBar = field(default_factory=FiveBar.safflower)
+    picker: PickerParameters = field(default_factory=PickerParameters)
+    """Geometry, rates and motors; the scenario sets its ``motor_height_m``."""
     clear_level_m: float = -0.28
     """Level of every traverse in the arm's plane, the widest part of the workspace [assumed]."""
-    tool_velocity: float = 0.5
-    """Tool speed limit, m/s [assumed: stepping motors]."""
-    tool_acceleration: float = 2.0
-    """Tool acceleration limit, m/s2 [assumed]."""
-    cart_velocity: float = 0.3
-    """m/s [assumed: a slow, precise axis]."""
-    cart_acceleration: float = 0.5
-    """m/s2 [assumed]."""
     settle_s: float = 0.5
     """Wait after the cart has moved, until plants and frame stand still [assumed]."""
-    camera_ahead_m: float = 0.30
-    """The camera looks at a window this far in front of the arm's plane, past the parked arm [assumed]."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        _require(self, 1e-6, "tool_velocity", "tool_acceleration", "cart_velocity", "cart_acceleration")
-        _require(self, 0.0, "settle_s", "camera_ahead_m")
-        if not self.bar.reachable([0.5 * self.bar.base_m, self.clear_level_m]):
+        _require(self, 0.0, "settle_s")
+        bar = self.picker.five_bar
+        if not bar.reachable([0.5 * bar.base_m, self.clear_level_m]):
             raise ValueError(f"clear_level_m = {self.clear_level_m} m is outside the arm's workspace")
 
 

@@ -7,25 +7,12 @@ from typing import Any
 
 from gymnasium.vector import AutoresetMode
 
-from ..core import BACKENDS, PERCEPTIONS, Rows, choice
+from ..core import BACKENDS, PERCEPTIONS, choice
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv
 from .config import SCENARIOS, PerceptionModel, SafflowerConfig
+from .executor import AnalyticPicker, PyBulletPicker
 from .task import PickerOutcome, PickerPlan, SafflowerCore
-
-
-class AnalyticPicker:
-    """Executor that takes the plan's word: nominal phase times, the tool exactly where it was sent."""
-
-    def reset_rows(self, rows: Rows) -> None:
-        """Nothing to prepare."""
-
-    def execute(self, plan: PickerPlan) -> PickerOutcome:
-        """What the plan says."""
-        return PickerOutcome(plan.phases_s, plan.target)
-
-    def close(self) -> None:
-        """Nothing to free."""
 
 
 class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
@@ -84,7 +71,8 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
         choice("backend", backend, BACKENDS)
         perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
         core = SafflowerCore(config, perception_model(perception))
-        super().__init__(core, AnalyticPicker(), None, render_mode)
+        executor = AnalyticPicker() if backend == "analytic" else PyBulletPicker(core)
+        super().__init__(core, executor, None, render_mode)
 
 
 class SafflowerPickingVectorEnv(TaskVectorEnv[PickerPlan, PickerOutcome]):

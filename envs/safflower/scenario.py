@@ -161,7 +161,7 @@ def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[
     if scenario.potted:
         # Stems of a pot stand beside each other along the row; pots are turned so that the arm reaches every head.
         ahead = crown[..., None] * ((number + ahead_u) / np.maximum(count[..., None], 1) - 0.5)
-        half = np.interp(up - scenario.motor_height_m, *reach_table(config.machine.bar)) - _REACH_RESERVE_M
+        half = np.interp(up - scenario.motor_height_m, *reach_table(config.machine.picker.five_bar)) - _REACH_RESERVE_M
         across = (2.0 * across_u - 1.0) * np.minimum(0.5 * crown[..., None], half)
     else:
         radius = 0.5 * crown[..., None] * np.sqrt(ahead_u)

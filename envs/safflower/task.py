@@ -85,7 +85,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         """Allocate the state."""
         super().__init__(worlds)
         self.config, self.perception = config, perception
-        scenario, machine, process = config.scenario, config.machine, config.process
+        scenario, process, picker = config.scenario, config.process, config.machine.picker
         k, heads, tracks = config.slots, scenario.plants * scenario.max_heads, scenario.max_tracks
         self.score_names = (
             *COMMON_SCORES,
@@ -106,11 +106,11 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self._process_phases_s[:3, 4] = np.array(process.strokes) * process.stroke_m / process.shear_speed
         self._process_phases_s[:3, 5] = process.suction_s
         self._strokes = np.array([*process.strokes, 0, 0, 0], float)
-        self._velocity = np.array([machine.tool_velocity] * 3 + [machine.cart_velocity])
-        self._acceleration = np.array([machine.tool_acceleration] * 3 + [machine.cart_acceleration])
+        self._velocity = np.array([picker.tool_velocity_m_s] * 3 + [picker.cart_velocity_m_s])
+        self._acceleration = np.array([picker.tool_acceleration_m_s2] * 3 + [picker.cart_acceleration_m_s2])
         self._beside_velocity, self._beside_acceleration = self._velocity[[3, 0]], self._acceleration[[3, 0]]
-        self._park = np.array([0.5 * machine.bar.base_m, machine.clear_level_m])
-        self._half_base_m, self._clear_m = 0.5 * machine.bar.base_m, machine.clear_level_m
+        self._park = np.array([0.5 * picker.five_bar.base_m, config.machine.clear_level_m])
+        self._half_base_m, self._clear_m = self._park.tolist()
         self._centres = stop_centres(scenario)
         # World (along, across, up) of the arm plane's (cart, u, v) = 0.
         self._frame = np.array([0.0, -self._half_base_m, scenario.motor_height_m])
@@ -175,7 +175,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.open_heads[rows] = np.count_nonzero(heads.mass_g, axis=1)
         self.totals[rows], self.phases_s[rows] = 0.0, 0.0
         self.totals[rows, _TIME] = self.phases_s[rows, 0] = self.config.process.recognise_s
-        self.pose[rows, 0] = self._centres[0] - self.config.machine.camera_ahead_m
+        self.pose[rows, 0] = self._centres[0] - self.config.machine.picker.camera_ahead_m
         self.pose[rows, 1:] = self._park
         self.rise_s[rows] = 0.0
         self.stop[rows] = 0
@@ -227,7 +227,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
             last = len(self._centres) - 1
             kind[driving] = np.where(self.stop[driving] < last, DRIVE, FINISH)
             next_stop = np.minimum(self.stop[driving] + 1, last)
-            target[driving, 0] = self._centres[next_stop] - self.config.machine.camera_ahead_m
+            target[driving, 0] = self._centres[next_stop] - self.config.machine.picker.camera_ahead_m
             target[driving, 1:] = self._park
         level = self._clear_m
         if np.count_nonzero(kind > DRIVE):
@@ -377,11 +377,10 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
 
     def _place_tracks(self, rows: Rows, tracks: Tracks, start: int) -> None:
         """Write reports and all that policies are shown of them that does not depend on where the arm is."""
-        machine = self.config.machine
         where = slice(start, start + tracks.position.shape[1])
         target = tracks.position - self._frame
         descent = np.maximum(self._clear_m - target[..., 2], 0.0)
-        half_width = np.interp(target[..., 2], *reach_table(machine.bar), left=-1.0, right=-1.0)
+        half_width = np.interp(target[..., 2], *reach_table(self.config.machine.picker.five_bar), left=-1.0, right=-1.0)
         legal = (np.abs(tracks.position[..., 1]) <= half_width) & (target[..., 2] <= self._clear_m)
         feature = np.zeros((*descent.shape, len(CANDIDATE_FEATURES)), np.float32)
         feature[..., 0] = 1.0
@@ -392,7 +391,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         feature[..., 10] = legal
         self.track_target[rows, where] = target
         self.track_descent_s[rows, where] = QUINTIC.duration_unchecked(
-            descent, machine.tool_velocity, machine.tool_acceleration
+            descent, self._velocity[0], self._acceleration[0]
         )
         self.track_legal[rows, where] = legal
         self.track_feature[rows, where] = feature
