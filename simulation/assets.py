@@ -20,7 +20,7 @@ def asset_path(name: str) -> Iterator[Path]:
     Raises:
         FileNotFoundError: the package has no such asset.
     """
-    folder = resources.files(__package__.rpartition(".")[0]).joinpath("assets")
+    folder = resources.files(__name__.rsplit(".", 2)[0]).joinpath("assets")
     entry = folder.joinpath(*name.split("/"))
     if not entry.is_file():
         raise FileNotFoundError(

@@ -60,7 +60,7 @@ class PhysicsClient:
         physics_hz: float = 240.0,
         *,
         gui: bool = False,
-        solver_iterations: int = 30,
+        solver_iterations: int = 25,
         erp: float = 0.8,
         gravity_m_s2: float = GRAVITY_M_S2,
     ) -> None:
@@ -93,6 +93,8 @@ class PhysicsClient:
             raise RuntimeError(f"PyBullet did not connect ({error}): close another client or window first") from error
         if self.id < 0:
             raise RuntimeError("PyBullet did not connect: too many clients are open, close some")
+        if gui:
+            pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self.id)
         self._finalizer = weakref.finalize(self, _disconnect, self.id)
         pybullet.setGravity(0.0, 0.0, -gravity_m_s2, physicsClientId=self.id)
         pybullet.setPhysicsEngineParameter(

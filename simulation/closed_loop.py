@@ -70,11 +70,16 @@ class Motor:
     joint: str
     limit: float
 
+    def __post_init__(self) -> None:
+        """Check the limit."""
+        if not 0.0 < self.limit < np.inf:
+            raise ValueError(f"motor {self.joint!r}: limit = {self.limit} must be positive and finite")
+
 
 class _Link(NamedTuple):
     body: int
-    index: int
-    """-1 for a base."""
+    number: int
+    """PyBullet's index of the link in its body, -1 for a base."""
 
 
 class ClosedLoopMachine:

@@ -18,12 +18,14 @@ from ..motion import StoppedPath
 from .assets import asset_path
 from .client import PhysicsClient
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
-from .picker_model import PICKER_ASSET, PickerParameters, picker_robot
+from .hose import Hose
+from .picker_model import HOSE_INLET_M, HOSE_RADIUS_M, PICKER_ASSET, PickerParameters, hose_outlet_m, picker_robot
 
 Array = NDArray[np.float64]
 
 MOTORS = ("cart", "arm1", "arm2")
 JOINTS = ("cart", "arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
+_DRIVEN = [JOINTS.index(name) for name in MOTORS]
 
 START_TOLERANCE_M = 0.003
 """How far a commanded trajectory may start from where the machine stands; a jump could flip the five-bar over."""
@@ -106,6 +108,7 @@ class PickerMachine:
         shown = (not self._owns_client or self.client.gui) if visuals is None else visuals
         with _urdf_file(self.parameters) as path:
             self._machine = ClosedLoopMachine(self.client, [Body("picker", path)], closures, motors, visuals=shown)
+        self._hose = Hose(self.client, 0.75, HOSE_RADIUS_M, (0.85, 0.85, 0.83, 1.0)) if shown else None
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, bar.forward([-0.5 * np.pi, -0.5 * np.pi]))
 
@@ -124,13 +127,11 @@ class PickerMachine:
         Raises:
             UnreachablePoseError: the tool position is beyond the reach of a leg.
         """
-        self._machine.reset(self._joints(np.array([cart_x_m]), as_points(tool, 2, "tool")[None])[0][self._order])
+        self._place(cart_x_m, tool)
 
     def reset(self, cart_x_m: float, tool: ArrayLike) -> None:
         """``place`` the machine and have its motors hold it there."""
-        self.place(cart_x_m, tool)
-        joints = self._joints(np.array([cart_x_m]), as_points(tool, 2, "tool")[None])[0]
-        self._machine.hold(joints[[JOINTS.index(name) for name in MOTORS]])
+        self._machine.hold(self._place(cart_x_m, tool)[_DRIVEN])
 
     def run(
         self,
@@ -153,7 +154,7 @@ class PickerMachine:
             UnreachablePoseError: a row is beyond the reach of a leg.
         """
         carts, tools = self._trajectory(cart, tool)
-        targets = self._joints(carts, tools)[:, [JOINTS.index(name) for name in MOTORS]]
+        targets = self._joints(carts, tools)[:, _DRIVEN]
         wanted = self._to_world(carts, tools)
         jump = float(np.linalg.norm(wanted[0] - self.tool_world()))
         if jump > START_TOLERANCE_M:
@@ -196,6 +197,8 @@ class PickerMachine:
                 self.client.close()
             else:
                 self._machine.remove()
+                if self._hose is not None:
+                    self._hose.remove()
         self._open = False
 
     def __enter__(self) -> PickerMachine:
@@ -207,6 +210,18 @@ class PickerMachine:
     ) -> None:
         """Close."""
         self.close()
+
+    def _place(self, cart_x_m: float, tool: ArrayLike) -> Array:
+        joints = self._joints(np.array([cart_x_m], dtype=np.float64), as_points(tool, 2, "tool").reshape(1, 2))[0]
+        self._machine.reset(joints[self._order])
+        self._lay_hose(cart_x_m)
+        return joints
+
+    def _lay_hose(self, cart_x_m: float) -> None:
+        if self._hose is not None:
+            outlet = self._machine.point("platform", hose_outlet_m(self.parameters.five_bar))
+            inlet = np.array(HOSE_INLET_M) + np.array([cart_x_m, 0.0, 0.0])
+            self._hose.lay(outlet, (0.0, 0.0, 0.22), inlet, (0.14, 0.0, 0.0))
 
     def _trajectory(self, cart: ArrayLike, tool: ArrayLike) -> tuple[Array, Array]:
         carts, tools = np.asarray(cart, dtype=np.float64), as_points(tool, 2, "tool")
@@ -273,15 +288,14 @@ def measure_tracking(parameters: PickerParameters | None = None) -> MotionReport
 @contextmanager
 def _urdf_file(parameters: PickerParameters) -> Iterator[Path]:
     """The shipped URDF where the parameters are the shipped ones, else one written for the moment."""
-    text = picker_robot(parameters).to_xml()
-    if text == picker_robot(PickerParameters()).to_xml():
+    if parameters == PickerParameters():
         with asset_path(PICKER_ASSET) as path:
             yield path
         return
     handle, name = tempfile.mkstemp(suffix=".urdf", prefix="fieldgym-picker-")
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+            file.write(picker_robot(parameters).to_xml())
         yield Path(name)
     finally:
         os.unlink(name)

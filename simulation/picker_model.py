@@ -24,11 +24,17 @@ _ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
 
 # The straddle frame: 1.2 m wide and 1.3 m high (published), 0.9 m long (assumed).
 _HALF_LENGTH_M = 0.42
-_HALF_WIDTH_M = 0.56
+_HALF_WIDTH_M = 0.55
 _TOP_M = 1.28
 _TUBE_M = 0.04
 _WHEEL_RADIUS_M = 0.16
 _WHEEL_WIDTH_M = 0.07
+
+_TUBE_X_M = -0.03
+_TUBE_LENGTH_M = 0.15
+HOSE_RADIUS_M = 0.016
+HOSE_INLET_M: Vector = (-0.17, 0.10, _TOP_M + 0.12)
+"""Where the suction hose enters the collection box, in the frame's coordinates."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +52,9 @@ class PickerParameters:
         tool_velocity_m_s: limit of the tool in the arm's plane: its motors are steppers (published), which run slowly
             (the figure is assumed).
         tool_acceleration_m_s2: limit of the tool in the arm's plane (assumed, as above).
-        arm_torque_limit_n_m: each arm motor behind its gear (assumed: a NEMA 23 stepper, 1.3 N m at speed, gear 10:1).
-        rotor_inertia_kg_m2: that motor's rotor seen through the gear, 4.6e-5 kg m2 times 10^2 (assumed).
+        arm_torque_limit_n_m: each arm motor behind its gear (assumed: a NEMA 23 stepper of 3 N m that keeps 1.2 N m at
+            speed, with a 10:1 gear).
+        rotor_inertia_kg_m2: that motor's rotor seen through the gear, 8e-5 kg m2 times 10^2 (assumed).
         cart_force_limit_n: thrust of the wheel drives (assumed).
         cart_mass_kg: frame, wheels, battery, fan and cabinet (assumed).
         arm_mass_kg: one driven arm (assumed: aluminium tube and two bearings).
@@ -65,7 +72,7 @@ class PickerParameters:
     tool_velocity_m_s: float = 0.5
     tool_acceleration_m_s2: float = 2.0
     arm_torque_limit_n_m: float = 12.0
-    rotor_inertia_kg_m2: float = 0.0046
+    rotor_inertia_kg_m2: float = 0.008
     cart_force_limit_n: float = 250.0
     cart_mass_kg: float = 80.0
     arm_mass_kg: float = 0.30
@@ -92,7 +99,7 @@ def picker_robot(parameters: PickerParameters) -> Robot:
     plane_y = -0.5 * bar.base_m
     height = parameters.motor_height_m
     links = [
-        Link("rail", 1.0, (Part(Box((0.01, 0.01, 0.01)), DARK),)),
+        Link("rail", 1.0, (Part(Box((0.1, 0.1, 0.1)), DARK, visible=False),)),
         Link("frame", parameters.cart_mass_kg, _frame_parts(parameters)),
     ]
     joints = [Joint("cart", "prismatic", "rail", "frame", axis=(1.0, 0.0, 0.0))]
@@ -108,11 +115,16 @@ def picker_robot(parameters: PickerParameters) -> Robot:
         )
         joints.append(Joint(names[1], "continuous", names[0], names[1], (0.0, arm, 0.0), axis=about_x))
     # The slide between frame and platform carries no matter of its own: a gram keeps its inertia invertible.
-    links.append(Link("slide", 0.001, (Part(Sphere(0.004), STEEL, (0.0, 0.0, bar.tool_drop_m)),)))
+    links.append(Link("slide", 0.001, (Part(Sphere(0.01), STEEL, visible=False),)))
     links.append(Link("platform", parameters.tool_mass_kg, _platform_parts(bar)))
     joints.append(Joint("slide_u", "prismatic", "frame", "slide", (0.0, plane_y, height), axis=(0.0, 1.0, 0.0)))
     joints.append(Joint("slide_v", "prismatic", "slide", "platform"))
     return Robot("safflower_picker", tuple(links), tuple(joints))
+
+
+def hose_outlet_m(bar: FiveBar) -> Vector:
+    """Top of the suction tube in the platform's frame, whose origin is the tool centre."""
+    return (_TUBE_X_M, 0.0, bar.tool_drop_m + _TUBE_LENGTH_M)
 
 
 def picker_assets() -> dict[str, str]:
@@ -143,8 +155,8 @@ def _platform_parts(bar: FiveBar) -> tuple[Part, ...]:
         Part(Cylinder(0.031, 0.006), ORANGE, (0.0, 0.0, 0.003)),
         # The shears' geared motor lies across in front, the suction tube stands behind the arms' plane.
         Part(Cylinder(0.0125, 0.055), DARK, (0.026, 0.0, level + 0.006), _ALONG_Y),
-        Part(Cylinder(0.016, 0.150), WHITE, (-0.030, 0.0, level + 0.075)),
-        Part(Cylinder(0.020, 0.012), DARK, (-0.030, 0.0, level + 0.147)),
+        Part(Cylinder(HOSE_RADIUS_M, _TUBE_LENGTH_M), WHITE, (_TUBE_X_M, 0.0, level + 0.5 * _TUBE_LENGTH_M)),
+        Part(Cylinder(0.020, 0.012), DARK, (_TUBE_X_M, 0.0, level + _TUBE_LENGTH_M)),
         Part(Box((0.030, 0.024, 0.014)), WHITE, (-0.018, 0.0, level - 0.006)),
     )
 
@@ -156,7 +168,7 @@ def _frame_parts(parameters: PickerParameters) -> tuple[Part, ...]:
     for x in (-_HALF_LENGTH_M, _HALF_LENGTH_M):
         for y in (-_HALF_WIDTH_M, _HALF_WIDTH_M):
             parts.append(Part(post, FRAME, (x, y, 0.5 * (_TOP_M + _WHEEL_RADIUS_M))))
-            outwards = np.copysign(0.005, y)
+            outwards = np.copysign(0.009, y)
             wheel_at = (0.88 * x, y + outwards, _WHEEL_RADIUS_M)
             parts.append(Part(Cylinder(_WHEEL_RADIUS_M, _WHEEL_WIDTH_M), RUBBER, wheel_at, _ALONG_Y))
             parts.append(Part(Cylinder(0.55 * _WHEEL_RADIUS_M, _WHEEL_WIDTH_M + 0.006), WHITE, wheel_at, _ALONG_Y))
@@ -191,6 +203,6 @@ def _equipment_parts(parameters: PickerParameters) -> list[Part]:
         Part(Box((0.20, 0.24, 0.30)), WHITE, (-0.40, -0.40, _TOP_M - 0.17)),
         Part(Box((0.24, 0.26, 0.20)), ORANGE, (-0.34, 0.10, _TOP_M + 0.12)),
         Part(Cylinder(0.075, 0.10), DARK, (-0.34, 0.30, _TOP_M + 0.10), _ALONG_Y),
-        Part(Cylinder(0.020, 0.06), WHITE, (-0.20, 0.10, _TOP_M + 0.12), _ALONG_X),
+        Part(Cylinder(0.022, 0.06), DARK, (HOSE_INLET_M[0] - 0.03, *HOSE_INLET_M[1:]), _ALONG_X),
         Part(Box((0.26, 0.50, 0.012)), ALUMINIUM, (-0.34, 0.16, _TOP_M + 0.018)),
     ]

@@ -103,12 +103,14 @@ class Part:
         colour: what it is painted with.
         xyz_m: its centre in the link frame.
         rpy_rad: its fixed-axis roll, pitch and yaw in the link frame.
+        visible: whether it is drawn; matter that stands for something else is not.
     """
 
     shape: Shape
     colour: Colour
     xyz_m: Vector = _ORIGIN
     rpy_rad: Vector = _ORIGIN
+    visible: bool = True
 
 
 @dataclass(frozen=True)
@@ -275,7 +277,7 @@ def _link_element(link: Link) -> ElementTree.Element:
         for column in range(row, 3)
     }
     ElementTree.SubElement(inertial, "inertia", moments)
-    for part in link.parts:
+    for part in (part for part in link.parts if part.visible):
         visual = ElementTree.SubElement(element, "visual")
         visual.append(_origin(part.xyz_m, part.rpy_rad))
         ElementTree.SubElement(visual, "geometry").append(part.shape.element())
