@@ -22,6 +22,10 @@ MAX_STEPS = 20_000
 """Decisions after which an episode is called endless: a policy that never drives on must not hang a benchmark."""
 
 
+POLICY_SEEDS = 1_000_000
+"""Added to the environment's seed for the policy's: with equal seeds both would draw the same numbers."""
+
+
 class EpisodeCancelledError(Exception):
     """The benchmark is being stopped; the episode leaves no record."""
 
@@ -71,7 +75,7 @@ def _play(episode: Episode, cancelled: Callable[[], bool]) -> Record:
     started = time.perf_counter()
     env = _make(episode)
     try:
-        policy = make_policy(episode.policy, env, seed=episode.seed)
+        policy = make_policy(episode.policy, env, seed=POLICY_SEEDS + episode.seed)
         observation, info = env.reset(seed=episode.seed)
         policy.reset(np.ones(1, dtype=bool))
         total, decision_s, steps, terms = 0.0, 0.0, 0, dict.fromkeys(info["rewards"], 0.0)

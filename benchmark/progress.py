@@ -25,7 +25,6 @@ class ProgressDisplay:
 
         self._console = console
         self._bar = Progress(
-            TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
@@ -36,7 +35,7 @@ class ProgressDisplay:
             disable=not console.is_terminal,
             transient=True,
         )
-        self._task = self._bar.add_task(title, total=None, latest="")
+        self._task = self._bar.add_task("", total=None, latest="")
         self._title = title
         self._done = self._total = self._skipped = 0
         self._started = time.monotonic()
@@ -64,7 +63,7 @@ class ProgressDisplay:
         """One more episode is on the disk."""
         self._done += 1
         name = f"{record['env_id'].removeprefix('fieldgym/')} {record['scenario']} {record['policy']} {record['seed']}"
-        self._bar.update(self._task, completed=self._done, latest=name)
+        self._bar.update(self._task, completed=self._done, latest=f"{record['policy']} {record['seed']}")
         if "error" in record:
             self._console.print(f"failed: {name}: {record['error']}", style="red", highlight=False, markup=False)
         elif not self._console.is_terminal:

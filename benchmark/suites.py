@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 SUITES = ("quick", "full")
+BACKENDS = ("pybullet", "analytic")
 
 QUICK_EPISODES = 8
 FULL_EPISODES = 128
@@ -20,18 +21,18 @@ class Condition:
         env_id: registered id of the environment.
         scenario: one of the environment's scenarios.
         backend: ``"pybullet"`` or ``"analytic"``.
-        perception: ``"perfect"``, ``"model"``, ``"camera"`` or, for the environment's own default, ``None``.
+        perception: ``"perfect"``, ``"model"`` or ``"camera"``.
     """
 
     env_id: str
     scenario: str
     backend: str
-    perception: str | None
+    perception: str
 
     def __str__(self) -> str:
         """One line for titles."""
         name = self.env_id.removeprefix("fieldgym/")
-        return f"{name}, {self.scenario}, {self.backend}, {self.perception or 'default'} perception"
+        return f"{name}, {self.scenario}, {self.backend}, {self.perception} perception"
 
 
 @dataclass(frozen=True)
@@ -120,8 +121,16 @@ class Suite:
 
 
 def _moved(case: Case, backend: str) -> Case:
-    """``case`` on another backend, with that backend's default perception."""
-    return replace(case, condition=replace(case.condition, backend=backend, perception=None))
+    """``case`` on another backend, seen the way that backend sees."""
+    perception = default_perception(case.condition.env_id, backend)
+    return replace(case, condition=replace(case.condition, backend=backend, perception=perception))
+
+
+def default_perception(env_id: str, backend: str) -> str:
+    """What a machine on this backend sees with: its camera in PyBullet where the task has one, else the model of it."""
+    from ..envs import describe
+
+    return "camera" if backend == "pybullet" and "camera" in describe(env_id).perceptions else "model"
 
 
 def suite(name: str) -> Suite:
@@ -150,7 +159,8 @@ def suite(name: str) -> Suite:
             policies: tuple[str, ...] = policies,
             reference: str = reference,
         ) -> Case:
-            return Case(Condition(env_id, scenario, backend, None), policies, reference, tuple(range(episodes)))
+            condition = Condition(env_id, scenario, backend, default_perception(env_id, backend))
+            return Case(condition, policies, reference, tuple(range(episodes)))
 
         if name == "quick":
             cases.append(case(task.headline_scenario, "pybullet", QUICK_EPISODES))

@@ -104,26 +104,39 @@ def _row(group: Condition, policy: str, reference: str, policies: dict[str, dict
 
 @dataclass(frozen=True)
 class Column:
-    """How a score is shown: ``scale`` times its value with ``digits`` decimals."""
+    """How a score is shown: ``scale`` times its value with ``digits`` decimals.
+
+    Attributes:
+        title: heading.
+        name: the score.
+        scale: factor from the score's unit to the shown one.
+        digits: decimals.
+        difference: show the paired difference to the reference instead of the score.
+        wide: leave the column out on a narrow terminal.
+    """
 
     title: str
     name: str
     scale: float
     digits: int
     difference: bool = False
+    wide: bool = False
 
     def cell(self, row: Row) -> tuple[str, str]:
         """The value and its interval as text; the interval of a difference that may be none says so."""
         estimate = (row.differences if self.difference else row.scores).get(self.name)
         if estimate is None or not math.isfinite(estimate.value):
             return "-", ""
-        sign = "+" if self.difference else ""
-        value = f"{self.scale * estimate.value:{sign}.{self.digits}f}"
+        value = self._text(estimate.value, "+" if self.difference else "")
         if not math.isfinite(estimate.low):
             return value, ""
-        interval = f"{self.scale * estimate.low:.{self.digits}f} .. {self.scale * estimate.high:.{self.digits}f}"
+        interval = f"{self._text(estimate.low)} .. {self._text(estimate.high)}"
         unclear = isinstance(estimate, Difference) and not estimate.significant
         return value, interval + (" n.s." if unclear else "")
+
+    def _text(self, value: float, sign: str = "") -> str:
+        rounded = round(self.scale * value, self.digits) + 0.0  # adding zero turns -0.0 into 0.0
+        return f"{rounded:{sign}.{self.digits}f}"
 
 
 COLUMNS = (
@@ -131,13 +144,21 @@ COLUMNS = (
     Column("cycle time, s", "cycle_time_s", 1.0, 2),
     Column("difference, points", "net_rate", 100.0, 2, difference=True),
     Column("difference, s", "cycle_time_s", 1.0, 2, difference=True),
-    Column("done a minute", "throughput_per_min", 1.0, 2),
-    Column("ms a decision", "decision_ms", 1.0, 2),
+    Column("return", "return", 1.0, 3, wide=True),
+    Column("ms a decision", "decision_ms", 1.0, 2, wide=True),
 )
+WIDE = 110
+"""Characters from which a terminal shows all columns."""
+
 LEGEND = (
     "Means over episodes with 95 % bootstrap intervals. Differences are to {reference} on the same seeds; "
     "n.s.: the interval holds 0."
 )
+
+
+def legend(rows: Sequence[Row]) -> str:
+    """What the tables of ``rows`` show."""
+    return LEGEND.format(reference=" or ".join(dict.fromkeys(row.reference for row in rows)))
 
 
 def conditions(rows: Iterable[Row]) -> dict[Condition, list[Row]]:
@@ -148,26 +169,21 @@ def conditions(rows: Iterable[Row]) -> dict[Condition, list[Row]]:
     return groups
 
 
-def terminal_tables(rows: Iterable[Row]) -> list[Table]:
-    """A Rich table a condition; each interval stands under its value."""
+def terminal_tables(rows: Iterable[Row], width: int) -> list[Table]:
+    """A Rich table a condition, for ``width`` characters; each interval stands under its value."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
+    columns = [column for column in COLUMNS if width >= WIDE or not column.wide]
     tables = []
     for group, members in conditions(rows).items():
-        table = Table(
-            title=f"{group} ({_episodes(members)})",
-            caption=LEGEND.format(reference=members[0].reference),
-            box=box.SIMPLE_HEAD,
-            title_justify="left",
-            caption_justify="left",
-        )
+        table = Table(title=f"{group} ({_episodes(members)})", title_justify="left", box=box.SIMPLE_HEAD)
         table.add_column("policy", no_wrap=True)
-        for column in COLUMNS:
+        for column in columns:
             table.add_column(column.title, justify="right")
         for row in members:
-            cells = [column.cell(row) for column in COLUMNS]
+            cells = [column.cell(row) for column in columns]
             texts = [Text.assemble(value, ("\n" + interval if interval else "", "dim")) for value, interval in cells]
             table.add_row(Text(row.policy, "bold" if row.policy == row.reference else ""), *texts)
         tables.append(table)
@@ -193,7 +209,7 @@ def markdown(rows: Iterable[Row]) -> str:
             texts = [column.cell(row) for column in COLUMNS]
             cells = [f"{value} ({interval})" if interval else value for value, interval in texts]
             lines.append(f"| {row.policy} | {row.episodes} | " + " | ".join(cells) + " |")
-        parts.append("\n".join([*lines, "", LEGEND.format(reference=members[0].reference), ""]))
+        parts.append("\n".join([*lines, "", legend(members), ""]))
     return "\n".join(parts)
 
 
@@ -208,7 +224,7 @@ def comma_separated(rows: Iterable[Row]) -> str:
         named = [*row.scores.items(), ("net_rate_iqm", row.net_rate_iqm)]
         named += [(f"{name}_minus_reference", difference) for name, difference in row.differences.items()]
         group = row.condition
-        whose = (group.env_id, group.scenario, group.backend, group.perception or "", row.policy, row.reference)
+        whose = (group.env_id, group.scenario, group.backend, group.perception, row.policy, row.reference)
         for name, estimate in named:
             writer.writerow([*whose, name, estimate.value, estimate.low, estimate.high, estimate.n])
     return buffer.getvalue()

@@ -51,8 +51,9 @@ def main(
         with progress.ProgressDisplay(console, f"Suite {wanted.name}, {workers} at a time") as display:
             report = runner.run_suite(wanted, folder, workers, resume, on_start=display.start, on_record=display.record)
         rows = tables.summarise(report.records, wanted.cases)
-        for table in tables.terminal_tables(rows):
+        for table in tables.terminal_tables(rows, console.width):
             console.print(table)
+        console.print(tables.legend(rows), style="dim", highlight=False)
         written = tables.write(rows, folder)
     except store.ResultsError as error:
         raise CommandError(str(error)) from None
@@ -69,14 +70,13 @@ def _suite(name: str, env: str | None, policies: str | None, episodes: int | Non
     """The suite that the options describe, every word of them checked before anything runs."""
     from fieldgym.agents import policy_names
     from fieldgym.benchmark import suites
-    from fieldgym.envs import BACKENDS
 
     wanted = suites.suite(chosen(name, suites.SUITES, "suite"))
     env_id = None if env is None else environment_id(env)
     if episodes is not None:
         at_least_one(episodes, "--episodes")
     if backend is not None:
-        chosen(backend, BACKENDS, "backend")
+        chosen(backend, suites.BACKENDS, "backend")
     names = None
     if policies is not None:
         names = list(dict.fromkeys(word.strip() for word in policies.split(",") if word.strip()))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from fieldgym.agents import Policy
 
 FRAMES_PER_SECOND = 30
+MOST_COLUMNS = 4
 
 
 def main(
@@ -47,8 +48,9 @@ def main(
     """
     from rich.console import Console
 
-    from fieldgym.agents import policy_names, reference_policy
-    from fieldgym.envs import BACKENDS, PERCEPTIONS, describe
+    from fieldgym.agents import make_policy, policy_names, reference_policy
+    from fieldgym.benchmark.episode import POLICY_SEEDS
+    from fieldgym.envs import describe
 
     env_id = environment_id(env)
     task = describe(env_id)
@@ -60,27 +62,28 @@ def main(
         raise CommandError(f"--speed {speed}: give a positive factor, 1 is real time")
     options: dict[str, Any] = {
         "scenario": chosen(scenario or task.headline_scenario, task.scenarios, f"scenario of {env_id}"),
-        "backend": chosen(backend, BACKENDS, "backend"),
-        "perception": None if perception is None else chosen(perception, PERCEPTIONS, "perception"),
+        "backend": chosen(backend, task.backends, "backend"),
+        "perception": None if perception is None else chosen(perception, task.perceptions, "perception"),
     }
     if video is not None:
         _check_video(video, backend)
         options["render_mode"] = "rgb_array"
     console = Console(highlight=False)
     environment = _make(env_id, options)
+    title = f"{env_id}, {options['scenario']}, {backend}: {name}"
     scorecards = []
     try:
-        decider = _policy(name, environment, seed)
+        decider = make_policy(name, environment, seed=POLICY_SEEDS + seed)
         with _filming(environment, video, speed):
             for number in range(episodes):
                 if not quiet:
-                    console.print(
-                        f"[bold]{env_id}[/bold]  {options['scenario']}  {backend}  {name}  seed {seed + number}"
-                    )
+                    console.print(f"\n{title}, seed {seed + number}", style="bold")
+                    console.print("step  simulated   reward  decision", style="dim")
                 scorecards.append(_episode(environment, decider, seed + number, None if quiet else console))
     finally:
         environment.close()
-    _print_scorecards(console, scorecards, seed, f"{env_id}, {options['scenario']}, {backend}: {name}")
+    console.print(f"\n{title}", style="bold")
+    _print_scorecards(console, scorecards, seed)
     if video is not None:
         console.print(f"Video: {video}")
 
@@ -94,12 +97,6 @@ def _make(env_id: str, options: dict[str, Any]) -> gym.Env[Any, Any]:
         raise CommandError(str(error)) from None
 
 
-def _policy(name: str, env: gym.Env[Any, Any], seed: int) -> Policy:
-    from fieldgym.agents import make_policy
-
-    return make_policy(name, env, seed=seed)
-
-
 def _episode(env: gym.Env[Any, Any], policy: Policy, seed: int, console: Console | None) -> dict[str, float]:
     """Play one episode and return its scorecard."""
     import numpy as np
@@ -108,7 +105,7 @@ def _episode(env: gym.Env[Any, Any], policy: Policy, seed: int, console: Console
 
     observation, info = env.reset(seed=seed)
     policy.reset(np.ones(1, dtype=bool))
-    over, steps, elapsed_s = False, 0, 0.0
+    over, steps = False, 0
     while not over:
         observation, reward, terminated, truncated, info = env.step(act_single(policy, observation))
         over, steps = terminated or truncated, steps + 1
@@ -116,12 +113,11 @@ def _episode(env: gym.Env[Any, Any], policy: Policy, seed: int, console: Console
             now_s = float(info["scorecard"]["duration_s"])
             text = getattr(env.unwrapped, "describe_last_decision")()  # noqa: B009  not in gymnasium.Env
             console.print(
-                f"{steps:4d}  {now_s:7.1f} s  (+{now_s - elapsed_s:5.1f} s)  {text}  reward {float(reward):+.3f}",
+                f"{steps:4d}  {now_s:7.1f} s  {float(reward):+7.3f}  {text}",
                 markup=False,
                 overflow="ellipsis",
                 no_wrap=True,
             )
-            elapsed_s = now_s
     return {name: float(value) for name, value in info["scorecard"].items()}
 
 
@@ -160,24 +156,25 @@ def _filming(env: gym.Env[Any, Any], path: Path | None, speed: float) -> Iterato
         temporary.unlink(missing_ok=True)
 
 
-def _print_scorecards(console: Console, scorecards: list[dict[str, float]], seed: int, title: str) -> None:
-    """A column an episode (the first six) and their mean."""
+def _print_scorecards(console: Console, scorecards: list[dict[str, float]], seed: int) -> None:
+    """A column an episode, or where they are many their mean, spread and extremes."""
     import numpy as np
     from rich import box
     from rich.table import Table
 
-    shown = scorecards[:6]
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
-    table.add_column("scorecard", no_wrap=True)
-    for number in range(len(shown)):
-        table.add_column(f"seed {seed + number}", justify="right")
-    if len(scorecards) > 1:
-        table.add_column(f"mean of {len(scorecards)}", justify="right", style="bold")
+    few = len(scorecards) <= MOST_COLUMNS
+    titles = [f"seed {seed + number}" for number in range(len(scorecards))] if few else []
+    summaries = {"mean": np.mean, "SD": np.std, "least": np.min, "most": np.max}
+    summaries = {} if len(scorecards) == 1 else {"mean": np.mean} if few else summaries
+    table = Table(box=box.SIMPLE_HEAD)
+    for number, title in enumerate(["scorecard", *titles, *summaries]):
+        table.add_column(title, justify="right" if number else "left", no_wrap=True)
     for name in scorecards[0]:
-        values = [scorecard[name] for scorecard in scorecards]
-        finite = [value for value in values if np.isfinite(value)]
-        means = [float(np.mean(finite)) if finite else np.nan] if len(values) > 1 else []
-        table.add_row(name, *(f"{value:.4g}" if np.isfinite(value) else "-" for value in [*values[:6], *means]))
+        values = np.array([scorecard[name] for scorecard in scorecards])
+        finite = values[np.isfinite(values)]
+        cells = list(values[: len(titles)])
+        cells += [float(summary(finite)) if len(finite) else np.nan for summary in summaries.values()]
+        table.add_row(name, *(f"{value:.4g}" if np.isfinite(value) else "-" for value in cells))
     console.print(table)
 
 

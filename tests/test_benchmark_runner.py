@@ -14,7 +14,7 @@ from fieldgym.benchmark import runner, store
 from fieldgym.benchmark.episode import Record, failed, identity
 from fieldgym.benchmark.suites import Case, Condition, Episode, Suite
 
-CONDITION = Condition("fieldgym/Stand-v0", "pots", "analytic", None)
+CONDITION = Condition("fieldgym/Stand-v0", "pots", "analytic", "model")
 
 
 def small_suite(seeds: int = 4, policies: tuple[str, ...] = ("first", "second")) -> Suite:
@@ -147,7 +147,9 @@ def test_starting_over_keeps_the_previous_results_aside(tmp_path: Path):
 
 def test_a_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(store.ResultsError, match=r"cannot write results to .*: choose another folder with --out") as told:
+    with pytest.raises(
+        store.ResultsError, match=r"cannot write results to .*: choose another folder with --out"
+    ) as told:
         runner.run_suite(small_suite(), tmp_path / "file" / "results", run=Counting())
     assert "\n" not in str(told.value)
 
@@ -157,7 +159,7 @@ def test_jobs_must_be_positive(tmp_path: Path):
         runner.run_suite(small_suite(), tmp_path, jobs=0)
 
 
-SCRIPT = '''
+SCRIPT = """
 import os, sys, time
 from pathlib import Path
 sys.path.insert(0, {tests!r})
@@ -189,7 +191,7 @@ if __name__ == "__main__":
         print(error)
         sys.exit(130)
     print(len(report.records), "finished", [(r["policy"], r["seed"], r["error"]) for r in report.failures])
-'''
+"""
 
 
 @pytest.fixture

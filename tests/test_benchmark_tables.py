@@ -1,0 +1,152 @@
+"""What the tables say about episodes whose result is known."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import pytest
+
+from fieldgym.benchmark import suites, tables
+from fieldgym.benchmark.episode import Record
+from fieldgym.benchmark.suites import Case, Condition, Suite
+
+POTS = Condition("fieldgym/Stand-v0", "pots", "analytic", "model")
+ROW = Condition("fieldgym/Stand-v0", "row", "analytic", "model")
+CASES = (Case(POTS, ("swift", "plain"), "plain", (0, 1, 2)), Case(ROW, ("swift", "plain"), "plain", (0, 1, 2)))
+
+
+def record(policy: str, seed: int, net_rate: float, cycle_time_s: float | None, condition: Condition = POTS) -> Record:
+    return {
+        "env_id": condition.env_id,
+        "scenario": condition.scenario,
+        "backend": condition.backend,
+        "perception": condition.perception,
+        "policy": policy,
+        "seed": seed,
+        "return": 10.0,
+        "rewards": {},
+        "steps": 10,
+        "terminated": True,
+        "scorecard": {"net_rate": net_rate, "cycle_time_s": cycle_time_s},
+        "wall_s": 0.5,
+        "decision_s": 0.02,
+    }
+
+
+@pytest.fixture
+def rows() -> list[tables.Row]:
+    records = [record("plain", seed, 0.80 + 0.05 * seed, 16.0 + seed) for seed in range(3)]
+    records += [record("swift", seed, 0.79 + 0.05 * seed, 14.0 + seed) for seed in range(3)]
+    records += [record("plain", seed, 0.7, None, ROW) for seed in range(2)]
+    records += [{**record("swift", 2, 0.0, 0.0), "error": "broken"}]
+    return tables.summarise(reversed(records), CASES)
+
+
+def test_rows_follow_the_suite_and_hold_the_means(rows: list[tables.Row]):
+    assert [(row.condition.scenario, row.policy, row.episodes) for row in rows] == [
+        ("pots", "swift", 3),
+        ("pots", "plain", 3),
+        ("row", "plain", 2),
+    ]
+    assert rows[0].scores["net_rate"].value == pytest.approx(0.84)
+    assert rows[0].scores["decision_ms"].value == pytest.approx(2.0)
+    assert rows[2].scores["cycle_time_s"].n == 0
+
+
+def test_differences_are_paired_and_only_to_the_reference(rows: list[tables.Row]):
+    faster = rows[0].differences["cycle_time_s"]
+    assert (faster.value, faster.n, faster.significant) == (pytest.approx(-2.0), 3, True)
+    assert rows[0].differences["net_rate"].value == pytest.approx(-0.01)
+    assert rows[1].differences == {}
+
+
+def test_pairs_are_the_shared_seeds():
+    records = [record("plain", seed, 0.5, 10.0) for seed in (0, 1)] + [
+        record("swift", seed, 0.9, 9.0) for seed in (1, 2)
+    ]
+    swift = tables.summarise(records, CASES)[0]
+    assert swift.episodes == 2
+    assert swift.differences["net_rate"].n == 1
+
+
+def test_without_the_reference_there_is_no_difference():
+    assert tables.summarise([record("swift", 0, 0.9, 9.0)], CASES)[0].differences == {}
+
+
+def test_cells_show_intervals_signs_and_doubt():
+    records = [record("plain", seed, 0.8, 10.0 + seed % 3) for seed in range(9)]
+    records += [record("swift", seed, 0.9, 10.0 + (seed + 1) % 3) for seed in range(9)]
+    swift, plain = tables.summarise(records, CASES)
+    cells = {column.title: column.cell(swift) for column in tables.COLUMNS}
+    assert cells["net rate, %"] == ("90.00", "90.00 .. 90.00")
+    assert cells["difference, points"] == ("+10.00", "10.00 .. 10.00")
+    assert cells["difference, s"][0] == "+0.00"
+    assert cells["difference, s"][1].endswith("n.s.")
+    assert tables.COLUMNS[2].cell(plain) == ("-", "")
+
+
+@pytest.mark.parametrize("width", [80, 132])
+def test_the_terminal_table_fits_its_width_and_names_every_policy(rows: list[tables.Row], width: int):
+    from rich.console import Console
+
+    console = Console(width=width, record=True, file=io.StringIO())
+    for table in tables.terminal_tables(rows, width):
+        console.print(table)
+    lines = console.export_text().splitlines()
+    assert max(map(len, lines)) <= width
+    text = "\n".join(lines)
+    for word in ("Stand-v0, pots", "Stand-v0, row", "swift", "plain", "84.00", "-2.00"):
+        assert word in text
+    assert ("ms a decision" in text) == (width == 132)
+
+
+def test_files_hold_the_same_figures(tmp_path: Path, rows: list[tables.Row]):
+    paths = tables.write(rows, tmp_path)
+    assert [path.name for path in paths] == ["summary.csv", "summary.md", "summary.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
+    lines = list(csv.DictReader(io.StringIO((tmp_path / "summary.csv").read_text())))
+    by_score = {(line["scenario"], line["policy"], line["score"]): line for line in lines}
+    assert float(by_score["pots", "swift", "net_rate"]["value"]) == pytest.approx(0.84)
+    assert float(by_score["pots", "swift", "cycle_time_s_minus_reference"]["value"]) == pytest.approx(-2.0)
+    loaded = json.loads((tmp_path / "summary.json").read_text())
+    assert loaded[0]["scores"]["net_rate"]["value"] == pytest.approx(0.84)
+    assert loaded[0]["differences"]["cycle_time_s"]["significant"] is True
+    assert loaded[2]["scores"]["cycle_time_s"]["value"] is None
+    assert "| swift | 3 | 84.00 (" in (tmp_path / "summary.md").read_text()
+
+
+def test_a_suite_can_be_narrowed():
+    suite = Suite("quick", CASES)
+    narrow = suite.narrowed(policies=["plain"], episodes=2)
+    assert [str(episode.policy) + str(episode.seed) for episode in narrow.episodes()] == ["plain0", "plain1"] * 2
+    with pytest.raises(ValueError, match="choose one of fieldgym/Stand-v0"):
+        suite.narrowed(env_id="fieldgym/Other-v0")
+    with pytest.raises(ValueError, match="episodes = 0"):
+        suite.narrowed(episodes=0)
+
+
+def test_another_backend_keeps_its_own_cases_or_moves_the_others():
+    quick, full = suites.suite("quick"), suites.suite("full")
+    moved = quick.narrowed(backend="analytic")
+    assert {case.condition.backend for case in quick.cases} == {"pybullet"}
+    assert {(case.condition.backend, case.condition.perception) for case in moved.cases} == {("analytic", "model")}
+    assert len(moved.cases) == len(quick.cases)
+    assert full.narrowed(backend="analytic").cases == tuple(
+        case for case in full.cases if case.condition.backend == "analytic"
+    )
+
+
+def test_suites_cover_every_environment_with_its_reference():
+    from fieldgym.agents import policy_names
+    from fieldgym.envs import ENV_IDS, describe
+
+    for name in suites.SUITES:
+        cases = suites.suite(name).cases
+        assert {case.condition.env_id for case in cases} == set(ENV_IDS)
+        for case in cases:
+            assert case.reference in case.policies
+            assert case.policies == policy_names(case.condition.env_id)
+            assert case.condition.scenario in describe(case.condition.env_id).scenarios
+    with pytest.raises(ValueError, match="no suite is called 'medium'"):
+        suites.suite("medium")
