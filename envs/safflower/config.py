@@ -176,7 +176,7 @@ class ScenarioConfig:
 
 # Plants of the paper's test: 15 pots in 5 groups of 3, 1-4 flowers a pot, height 0.43-0.86 m, crown 0.14-0.38 m
 # [published]. Pots stand 0.45 m apart [assumed], short ones on blocks that lift the plant into the arm's reach
-# [assumed], and all flowers are open, since only mature ones were presented [assumed].
+# [assumed], and all flowers are open and in view, since only mature ones were presented [assumed].
 POTS = ScenarioConfig(
     plants=15,
     pitch_m=0.45,
@@ -189,7 +189,7 @@ POTS = ScenarioConfig(
     crown_m=(0.14, 0.38),
     head_drop_m=(0.0, 0.06, 0.10),
     visit_day=(0.0, 0.0),
-    occluded=0.10,
+    occluded=0.0,
     potted=True,
     time_limit_s=1800.0,
     max_tracks=80,

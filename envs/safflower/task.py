@@ -132,6 +132,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.head_stage = np.zeros((b, heads + 1), np.int64)
         self.head_size_m = np.zeros((b, heads + 1))
         self.head_mass_g = np.zeros((b, heads + 1))
+        self.head_gained_g = np.zeros((b, heads + 1))
         self.head_visited = np.zeros((b, heads + 1), bool)
         self.head_luck = np.zeros((b, heads + 1, 2))
         self.plant_base = np.zeros((b, scenario.plants, 3))
@@ -167,7 +168,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.head_stage[rows, :-1] = heads.stage
         self.head_size_m[rows, :-1] = heads.size_m
         self.head_mass_g[rows, :-1] = heads.mass_g
-        self.head_visited[rows] = False
+        self.head_gained_g[rows], self.head_visited[rows] = 0.0, False
         self.head_luck[rows, :-1, 0], self.head_luck[rows, :-1, 1] = heads.cut_luck, heads.drop_luck
         self.plant_base[rows], self.plant_height_m[rows] = plants.base, plants.height_m
         self.plant_crown_m[rows] = plants.crown_m
@@ -264,6 +265,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         captured = picking & (share > 0.0)
         fresh = captured & ~self.head_visited.take(place)
         self.head_mass_g.put(place, mass - cut)
+        self.head_gained_g.put(place, self.head_gained_g.take(place) + gained)
         self.head_visited.put(place[captured], True)
         done = fresh & (gained > 0.0)
 
