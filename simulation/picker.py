@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 MOTORS = ("cart", "arm1", "arm2")
 JOINTS = ("cart", "arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
 _DRIVEN = [JOINTS.index(name) for name in MOTORS]
+_HOSE_EVERY = 8
+"""Steps between two layings of a visible hose: thirty a second."""
 
 START_TOLERANCE_M = 0.003
 """How far a commanded trajectory may start from where the machine stands; a jump could flip the five-bar over."""
@@ -160,17 +162,21 @@ class PickerMachine:
         if jump > START_TOLERANCE_M:
             raise ValueError(
                 f"the trajectory starts {1e3 * jump:.1f} mm from where the tool stands; at most "
-                f"{1e3 * START_TOLERANCE_M:.0f} mm is allowed: start at the last commanded pose or call reset()"
+                f"{1e3 * START_TOLERANCE_M:.0f} mm is allowed: start at the last commanded pose, call reset(), or give "
+                "stronger motors if the last motion's report says that they were saturated"
             )
         record = _Record()
         last = len(carts) - 1
 
         def watch(row: int) -> None:
-            self._look(record, wanted[row])
+            if measure:
+                self._look(record, wanted[row])
+            if self._hose is not None and row % _HOSE_EVERY == 0:
+                self._lay_hose(float(carts[row]))
             if on_step is not None:
                 on_step(row)
 
-        self._machine.follow(targets, watch if measure else on_step)
+        self._machine.follow(targets, watch if measure or self._hose is not None else on_step)
         if not measure or last == 0:
             self._look(record, wanted[last])
         tool_m = self.tool_world()

@@ -1,5 +1,6 @@
 """Generated assets are current, and found wherever the package is installed."""
 
+import os
 import subprocess
 import sys
 import zipfile
@@ -60,7 +61,7 @@ def test_assets_are_found_in_an_archive(tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         cwd=tmp_path,
-        env={"PYTHONPATH": str(archive)},
+        env=os.environ | {"PYTHONPATH": str(archive)},
         check=False,
     )
     assert done.returncode == 0, done.stderr

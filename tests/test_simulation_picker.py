@@ -216,6 +216,23 @@ def test_a_lent_world_is_left_as_it_was() -> None:
         client.step()
 
 
+def test_a_visible_hose_follows_the_tool() -> None:
+    cart, tool = short_motion()
+    with PhysicsClient() as client, PickerMachine(client=client) as machine:
+        pieces = [body for body in range(pybullet.getNumBodies(physicsClientId=client.id)) if body != machine.body_id]
+
+        def lowest() -> np.ndarray:
+            places = [pybullet.getBasePositionAndOrientation(body, physicsClientId=client.id)[0] for body in pieces]
+            return np.array(min(places, key=lambda place: place[2]))
+
+        machine.reset(cart[0], tool[0])
+        before = lowest() - machine.tool_world()
+        machine.run(cart, tool)
+        after = lowest() - machine.tool_world()
+    assert 0.2 < before[2] < 0.25
+    np.testing.assert_allclose(after, before, atol=0.01)
+
+
 def test_a_world_of_its_own_is_closed_with_it() -> None:
     machine = PickerMachine()
     assert pybullet.getNumBodies(physicsClientId=machine.client.id) == 1
