@@ -173,7 +173,7 @@ def test_ctrl_c_tells_how_to_go_on_and_that_command_completes_the_table(tmp_path
     assert process.returncode == 130
     kept = path.read_text().count("\n")
     start, command = errors.strip().split(" Go on with: ")
-    assert start == f"fieldgym: stopped: {kept} of 200 episodes are kept in {tmp_path / 'full'}."
+    assert start == f"fieldgym: stopped: {kept} of 200 episodes are kept in {tmp_path / 'quick'}."
     done = fieldgym_command(*command.split()[1:])
     assert done.returncode == 0, done.stderr
     assert f"{kept} of them finished earlier" in done.stdout
