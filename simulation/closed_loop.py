@@ -136,9 +136,7 @@ class ClosedLoopMachine:
         for closure in closures:
             self._close(closure)
 
-    def reset(
-        self, positions: ArrayLike, bases: Mapping[str, tuple[Sequence[float], Sequence[float]]] | None = None
-    ) -> None:
+    def reset(self, positions: ArrayLike, bases: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None) -> None:
         """Put every joint where the analytic kinematics says, at rest; nothing is stepped.
 
         Args:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,13 +37,13 @@ def machine(tmp_path: Path) -> Iterator[ClosedLoopMachine]:
         yield build(client, tmp_path)
 
 
-def build(client: PhysicsClient, folder: Path, **replaced: object) -> ClosedLoopMachine:
+def build(client: PhysicsClient, folder: Path, **replaced: Any) -> ClosedLoopMachine:
     bodies = []
     for name, robot, y in (("leg1", crank(1), 0.0), ("leg2", crank(2), SPAN_M), ("coupler", coupler(), 0.0)):
         path = folder / f"{name}.urdf"
         path.write_text(robot.to_xml())
         bodies.append(Body(name, path, (0.0, y, 1.0), fixed_base=name != "coupler"))
-    arguments: dict = {
+    arguments: dict[str, Any] = {
         "closures": [
             Closure("crank1", (0.0, CRANK_M, 0.0), "coupler", (0.0, 0.0, 0.0)),
             Closure("crank2", (0.0, CRANK_M, 0.0), "coupler", (0.0, SPAN_M, 0.0)),
