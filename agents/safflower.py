@@ -6,7 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.safflower.config import EFFORTS, OPEN_STAGES, STAGES, SafflowerConfig
-from ..envs.safflower.task import CANDIDATE_FEATURES, MACHINE_FEATURES
+from ..envs.safflower.task import (
+    ACROSS_SCALE_M,
+    AHEAD_SCALE_M,
+    CANDIDATE_FEATURES,
+    MACHINE_FEATURES,
+    SIZE_SCALE_M,
+    TRAVEL_SCALE_S,
+    candidate_table,
+)
 from ..motion import QUINTIC
 from .policy import Actions, Observation, StatelessPolicy
 from .routes import open_route
@@ -14,7 +22,6 @@ from .routes import open_route
 NORMAL = EFFORTS.index("normal")
 _COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
 _OPEN = [_COLUMN[STAGES[stage]] for stage in OPEN_STAGES]
-_AHEAD_SCALE_M, _ACROSS_SCALE_M, _TRAVEL_SCALE_S, _SIZE_SCALE_M = 0.3, 0.15, 4.0, 0.05
 _MEAN_SIZE_M = 0.04785
 _CENTRED_SHARE = 0.9
 """Share of a stroke's cut that is left on average at the camera's position error [assumed by the rule]."""
@@ -22,7 +29,7 @@ _CENTRED_SHARE = 0.9
 
 def wanted(observation: Observation) -> NDArray[np.bool_]:
     """Candidates (B, K) that can be reached and are reported to be in bloom."""
-    candidates = observation["candidates"]
+    candidates = candidate_table(observation)
     reachable = observation["action_mask"][:, : -1 : len(EFFORTS)] > 0
     return reachable & (candidates[..., _OPEN].max(axis=-1) > 0.5)
 
@@ -50,7 +57,7 @@ class Nearest(StatelessPolicy):
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
         open_heads = wanted(observation)
-        travel = np.where(open_heads, observation["candidates"][..., _COLUMN["travel"]], np.inf)
+        travel = np.where(open_heads, candidate_table(observation)[..., _COLUMN["travel"]], np.inf)
         return _pick(travel.argmin(axis=1), NORMAL, open_heads.any(axis=1), open_heads.shape[1])
 
 
@@ -76,10 +83,10 @@ class NearestTwoOpt(StatelessPolicy):
 
     def _move_times(self, observation: Observation, row: int, slots: NDArray[np.int64]) -> NDArray[np.float64]:
         """Seconds between the arm (index 0) and the candidates (1..n); rise and descent are the same in any order."""
-        features = observation["candidates"][row, slots]
+        features = candidate_table(observation)[row, slots]
         across = observation["machine"][row, MACHINE_FEATURES.index("across")]
-        ahead = np.append(0.0, features[:, _COLUMN["along"]]) * _AHEAD_SCALE_M
-        sideways = np.append(across, features[:, _COLUMN["across"]]) * _ACROSS_SCALE_M
+        ahead = np.append(0.0, features[:, _COLUMN["along"]]) * AHEAD_SCALE_M
+        sideways = np.append(across, features[:, _COLUMN["across"]]) * ACROSS_SCALE_M
         places = np.column_stack([ahead, sideways])
         strokes = places[:, None] - places[None]
         return QUINTIC.duration_unchecked(strokes, self._velocity, self._acceleration).max(axis=-1)
@@ -106,20 +113,20 @@ class GramsPerSecond(StatelessPolicy):
         self._process_s = strokes * process.stroke_m / process.shear_speed + suction
         self._process_s = self._process_s + process.locate_s + config.machine.settle_s
         self._price = abs(config.weights.seconds)
-        self._average = float(np.max(self._grams / (self._process_s + 0.5 * _TRAVEL_SCALE_S)))
-        self._head_share = (self._process_s[NORMAL] + 0.5 * _TRAVEL_SCALE_S) / config.scenario.time_limit_s
+        self._average = float(np.max(self._grams / (self._process_s + 0.5 * TRAVEL_SCALE_S)))
+        self._head_share = (self._process_s[NORMAL] + 0.5 * TRAVEL_SCALE_S) / config.scenario.time_limit_s
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
-        candidates, machine = observation["candidates"], observation["machine"]
+        candidates, machine = candidate_table(observation), observation["machine"]
         open_heads = wanted(observation)
         used = machine[:, MACHINE_FEATURES.index("time")]
         served = 1.0 - machine[:, MACHINE_FEATURES.index("stops_left")]
         tight = used + self._head_share * open_heads.sum(axis=1) > served
         second = np.where(tight, self._average, self._price)[:, None, None]
         # Filaments grow with the tuft's area.
-        area = (candidates[..., _COLUMN["size"]] * (_SIZE_SCALE_M / _MEAN_SIZE_M)) ** 2
-        travel_s = candidates[..., _COLUMN["travel"]] * _TRAVEL_SCALE_S
+        area = (candidates[..., _COLUMN["size"]] * (SIZE_SCALE_M / _MEAN_SIZE_M)) ** 2
+        travel_s = candidates[..., _COLUMN["travel"]] * TRAVEL_SCALE_S
         time_s = travel_s[..., None] + self._process_s
         surplus = area[..., None] * self._grams - second * time_s
         effort = surplus.argmax(axis=-1)

@@ -63,6 +63,17 @@ def test_gymnasium_checker_has_nothing_to_say(backend):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+def test_stable_baselines_checker_has_nothing_to_say(backend):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    env = gym.make(ID, backend=backend)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        checker.check_env(env, warn=True, skip_render_check=True)
+        checker.check_env(env.unwrapped, warn=True, skip_render_check=True)
+    env.close()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_same_trajectories_in_different_processes(backend):
     code = f"import test_safflower_contract as t; print(t.trajectory_hash({backend!r}))"
     command, folder = [sys.executable, "-c", code], Path(__file__).parent

@@ -18,7 +18,7 @@ from fieldgym.envs.safflower.config import (
 )
 from fieldgym.envs.safflower.process import collected_share, cut_share
 from fieldgym.envs.safflower.scenario import draw_heads, fixed_order, reach_table, stop_centres
-from fieldgym.envs.safflower.task import DRIVE, FINISH, NOTHING, PickerOutcome, SafflowerCore
+from fieldgym.envs.safflower.task import DRIVE, FINISH, NOTHING, PickerOutcome, SafflowerCore, candidate_table
 from fieldgym.motion import QUINTIC
 
 ID = "fieldgym/SafflowerPicking-v0"
@@ -102,7 +102,7 @@ def test_an_illegal_action_costs_time_and_nothing_else():
 def test_travel_feature_is_what_the_plan_then_takes():
     core = toy([(-0.1, 0.1, 0.80), (0.0, -0.05, 0.74), (0.1, 0.0, 0.85)])
     for slot in (2, 0, 0):
-        expected = core.observe()["candidates"][0, slot, 4] * 4.0
+        expected = candidate_table(core.observe())[0, slot, 4] * 4.0
         _, result = decide(core, 3 * slot + 1)
         assert result.phases_s[0, 2] == pytest.approx(expected, rel=1e-6)
 
@@ -123,7 +123,7 @@ def test_a_report_of_nothing_and_a_second_visit_yield_nothing():
 def test_a_head_beyond_the_arm_is_shown_but_masked():
     core = toy([(0.0, 0.25, 0.80), (0.0, 0.0, 0.80)])
     observation = core.observe()
-    reachable = observation["candidates"][0, :, -1]
+    reachable = candidate_table(observation)[0, :, -1]
     assert reachable[:2].tolist() == [0.0, 1.0]
     assert observation["action_mask"][0, :6].tolist() == [0, 0, 0, 1, 1, 1]
 

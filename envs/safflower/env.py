@@ -32,7 +32,8 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
     - ``machine`` (6,): ``ahead`` arm plane minus the stop's centre along the row / 0.3 m, ``across`` / 0.15 m,
       ``height`` below the traverse level / 0.2 m, ``time`` / time limit, ``stops_left`` / stops, ``remaining``
       reports at this stop / K.
-    - ``candidates`` (K, 11), reports of this stop in the fixed order, empty rows zero: ``present``, ``along`` report
+    - ``candidates`` (K x 11,), a table in row order (``candidate_table`` gives it its two axes): the reports of this
+      stop in the fixed order, empty rows zero: ``present``, ``along`` report
       minus arm plane / 0.3 m, ``across`` / 0.15 m, ``height`` / 0.2 m, ``travel`` time to get there / 4 s, one-hot
       reported stage (bud, fresh, late, dry), ``size`` filament spread / 0.05 m, ``reachable``.
     - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -29,15 +29,23 @@ DRIVE, NOTHING, FINISH = 3, 4, 5
 MACHINE_FEATURES = ("ahead", "across", "height", "time", "stops_left", "remaining")
 CANDIDATE_FEATURES = ("present", "along", "across", "height", "travel", *STAGES, "size", "reachable")
 
-_AHEAD_SCALE_M = 0.3
-_ACROSS_SCALE_M = 0.15
-_HEIGHT_SCALE_M = 0.2
-_TRAVEL_SCALE_S = 4.0
-_SIZE_SCALE_M = 0.05
+AHEAD_SCALE_M = 0.3
+ACROSS_SCALE_M = 0.15
+HEIGHT_SCALE_M = 0.2
+TRAVEL_SCALE_S = 4.0
+SIZE_SCALE_M = 0.05
+"""What the features are divided by, to be of order one."""
+
 _STILL_M = 1e-4
 
 _TIME, _LAST, _GAINED, _DROPPED, _DONE, _WASTED, _DAMAGED, _ILLEGAL = range(8)
 """Columns of the running totals."""
+
+
+def candidate_table(observation: Mapping[str, NDArray[Any]]) -> NDArray[np.float32]:
+    """Candidates (..., K, F) of an observation, one column a name of ``CANDIDATE_FEATURES``."""
+    flat = observation["candidates"]
+    return flat.reshape(*flat.shape[:-1], -1, len(CANDIDATE_FEATURES))
 
 
 class PickerPlan(NamedTuple):
@@ -96,7 +104,8 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.observation_space = spaces.Dict(
             {
                 "machine": spaces.Box(-10.0, 10.0, (len(MACHINE_FEATURES),), np.float32),
-                "candidates": spaces.Box(-10.0, 10.0, (k, len(CANDIDATE_FEATURES)), np.float32),
+                # A flat vector, row by row: learning libraries take two axes for a broken image and warn.
+                "candidates": spaces.Box(-10.0, 10.0, (k * len(CANDIDATE_FEATURES),), np.float32),
                 "action_mask": spaces.Box(0, 1, (3 * k + 1,), np.int8),
             }
         )
@@ -116,7 +125,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self._frame = np.array([0.0, -self._half_base_m, scenario.motor_height_m])
         self._stop_pose = np.column_stack([self._centres, np.tile(self._park, (len(self._centres), 1))])
         self._stops_left = 1.0 - (1.0 + np.arange(len(self._centres))) / len(self._centres)
-        self._pose_scale = 1.0 / np.array([_AHEAD_SCALE_M, _ACROSS_SCALE_M, _HEIGHT_SCALE_M])
+        self._pose_scale = 1.0 / np.array([AHEAD_SCALE_M, ACROSS_SCALE_M, HEIGHT_SCALE_M])
         self._no_head = heads
         self._weights = np.array([config.weights.collected_g, config.weights.lost_g, config.weights.seconds])
         self._numbers = random_numbers(config, perception or PerceptionModel.perfect())
@@ -305,8 +314,8 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         offset = self.track_target.reshape(-1, 3).take(place, axis=0) - self.pose[:, None]
         beside_s = QUINTIC.duration_unchecked(offset[..., :2], self._beside_velocity, self._beside_acceleration)
         travel_s = np.maximum(beside_s[..., 0], beside_s[..., 1]) + self.track_descent_s.take(place)
-        feature[..., 1] = offset[..., 0] * (1.0 / _AHEAD_SCALE_M) * present
-        feature[..., 4] = (travel_s + self.rise_s[:, None]) * (1.0 / _TRAVEL_SCALE_S) * present
+        feature[..., 1] = offset[..., 0] * (1.0 / AHEAD_SCALE_M) * present
+        feature[..., 4] = (travel_s + self.rise_s[:, None]) * (1.0 / TRAVEL_SCALE_S) * present
         machine = np.empty((self.worlds, len(MACHINE_FEATURES)), np.float32)
         machine[:, :3] = (self.pose - self._stop_pose.take(self.stop, axis=0)) * self._pose_scale
         machine[:, 3] = self.totals[:, _TIME] * (1.0 / self.config.scenario.time_limit_s)
@@ -314,7 +323,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         machine[:, 5] = self.remaining * (1.0 / self.config.slots)
         mask = np.ones((self.worlds, 3 * self.config.slots + 1), np.int8)
         mask[:, :-1].reshape(self.worlds, -1, 3)[...] = self.track_legal.take(place)[..., None]
-        return {"machine": machine, "candidates": feature, "action_mask": mask}
+        return {"machine": machine, "candidates": feature.reshape(self.worlds, -1), "action_mask": mask}
 
     def scores(self) -> Array:
         """Scorecard so far; see ``score_names``. The net rate is eq. 35 over every open head of the field."""
@@ -386,10 +395,10 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         legal = (np.abs(tracks.position[..., 1]) <= half_width) & (target[..., 2] <= self._clear_m)
         feature = np.zeros((*descent.shape, len(CANDIDATE_FEATURES)), np.float32)
         feature[..., 0] = 1.0
-        feature[..., 2] = tracks.position[..., 1] / _ACROSS_SCALE_M
-        feature[..., 3] = (target[..., 2] - self._clear_m) / _HEIGHT_SCALE_M
+        feature[..., 2] = tracks.position[..., 1] / ACROSS_SCALE_M
+        feature[..., 3] = (target[..., 2] - self._clear_m) / HEIGHT_SCALE_M
         feature[..., 5:9] = tracks.stage[..., None] == np.arange(len(STAGES))
-        feature[..., 9] = tracks.size_m / _SIZE_SCALE_M
+        feature[..., 9] = tracks.size_m / SIZE_SCALE_M
         feature[..., 10] = legal
         self.track_target[rows, where] = target
         self.track_descent_s[rows, where] = QUINTIC.duration_unchecked(
