@@ -1,0 +1,184 @@
+"""How fast the package is, in one run: imports, kinematics, decisions, frames.
+
+    python scripts/speed.py [--quick]
+
+Every figure is the best of several repetitions (the machine's own noise only ever slows a repetition down), and what
+is compared is measured side by side in the same run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import gymnasium as gym
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import fieldgym
+from fieldgym.agents import act_single, make_policy
+from fieldgym.mechanisms import FiveBar
+
+SAFFLOWER = "fieldgym/SafflowerPicking-v0"
+LINES: list[tuple[str, str, str]] = []
+
+
+def best_of(action: Callable[[], object], repetitions: int = 7) -> float:
+    """Shortest time of an action, seconds."""
+    action()
+    times = []
+    for _ in range(repetitions):
+        start = time.perf_counter()
+        action()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def import_times() -> None:
+    """Fresh interpreters, so that nothing is cached in the process; NumPy and Gymnasium are most of it."""
+
+    def start(code: str) -> float:
+        return best_of(lambda: subprocess.run([sys.executable, "-c", code], check=True), 9)
+
+    bare = start("pass")
+    gymnasium, whole = start("import gymnasium") - bare, start("import fieldgym") - bare
+    LINES.append(("import fieldgym", f"{whole:.3f} s", f"of which gymnasium {gymnasium:.3f} s; limit 0.3 s"))
+
+
+def kinematics(quick: bool) -> None:
+    """Inverse kinematics of the five-bar beside PyBullet's numeric solver on the same machine."""
+    bar = FiveBar.safflower()
+    low, high = bar.workspace(samples=20_000).points.min(axis=0), bar.workspace(samples=20_000).points.max(axis=0)
+    generator = np.random.default_rng(0)
+    rates = {}
+    for batch in (1, 1_000, 1_000_000):
+        points = generator.uniform(low, high, (batch, 2))
+        repeats = max(1, 3_000 // batch)
+        seconds = best_of(lambda p=points, n=repeats: [bar.inverse(p) for _ in range(n)], 5 if quick else 11)
+        rates[batch] = batch * repeats / seconds
+        LINES.append((f"five-bar inverse, batch {batch:,}", f"{rates[batch] / 1e6:.3f} million/s", ""))
+    numeric = pybullet_inverse_rate(bar, 100 if quick else 400)
+    LINES.append(
+        (
+            "PyBullet calculateInverseKinematics, two-link arm",
+            f"{numeric / 1e6:.4f} million/s",
+            f"ratio {rates[1_000_000] / numeric:,.0f} to batch 1e6, {rates[1] / numeric:.1f} to batch 1",
+        )
+    )
+
+
+def pybullet_inverse_rate(bar: FiveBar, calls: int) -> float:
+    """Poses a second of PyBullet's numeric inverse on one leg; the closed loop would need two and their match."""
+    from fieldgym.simulation.client import pybullet
+    from fieldgym.simulation.picker import PickerMachine
+
+    with PickerMachine() as machine:
+        link = pybullet.getNumJoints(machine.body_id, physicsClientId=machine.client.id) - 1
+        target = machine.tool_world()
+
+        def solve() -> None:
+            for i in range(calls):
+                pybullet.calculateInverseKinematics(
+                    machine.body_id, link, target + 1e-4 * (i % 7), physicsClientId=machine.client.id
+                )
+
+        return calls / best_of(solve, 3)
+
+
+def analytic_decisions(quick: bool) -> None:
+    """Single analytic environment as ``gym.make`` gives it, random legal actions chosen beforehand."""
+    env = gym.make(SAFFLOWER, backend="analytic")
+    decisions = 1_000 if quick else 3_000
+    env.reset(seed=0)
+
+    def play() -> None:
+        over = True
+        for i in range(decisions):
+            if over:
+                env.reset()
+            # The first reachable candidate, or drive on: as cheap as a choice can be.
+            mask = env.unwrapped._mask  # type: ignore[attr-defined]
+            *_, end, cut, _ = env.step(int(mask.argmax()) + (1 if i % 3 else 0) * int(mask.argmax() < 48))
+            over = end or cut
+
+    LINES.append(("single env, analytic", f"{decisions / best_of(play, 5):,.0f} decisions/s", "limit 5,000"))
+
+
+def vector_decisions(quick: bool) -> None:
+    """Vector environment; the time of choosing the actions is not counted."""
+    for worlds in (1, 64, 1024):
+        env = gym.make_vec(SAFFLOWER, num_envs=worlds, vectorization_mode="vector_entry_point")
+        policy = make_policy("fixed-order", env)
+        observation, _ = env.reset(seed=0)
+        steps, stepping = max(60 if quick else 200, 2_000 // worlds), []
+        for _ in range(steps):
+            actions = policy.act(observation)
+            start = time.perf_counter()
+            observation, *_ = env.step(actions)
+            stepping.append(time.perf_counter() - start)
+        # Sums over stretches of steps keep the resets in; the best stretch is the least disturbed one.
+        stretch = [sum(stepping[i : i + steps // 5]) for i in range(0, steps - steps // 5 + 1, steps // 5)]
+        rate = worlds * (steps // 5) / min(stretch)
+        limit = "limit 200,000" if worlds == 1024 else ""
+        LINES.append((f"vector env, {worlds:,} worlds", f"{rate:,.0f} decisions/s", limit))
+
+
+def pybullet_decisions(quick: bool) -> None:
+    """PyBullet machine without camera, fixed order on the paper's protocol."""
+    env = gym.make(SAFFLOWER, backend="pybullet", perception="perfect")
+    policy = make_policy("fixed-order", env)
+    rates = []
+    for seed in range(2 if quick else 5):
+        observation, _ = env.reset(seed=seed)
+        start, decisions, over = time.perf_counter(), 0, False
+        while not over:
+            observation, _, end, cut, _ = env.step(act_single(policy, observation))
+            decisions, over = decisions + 1, end or cut
+        rates.append(decisions / (time.perf_counter() - start))
+    env.close()
+    LINES.append(("single env, PyBullet without camera", f"{max(rates):.0f} decisions/s", "limit 40"))
+
+
+def tracking() -> None:
+    """Tracking and closure on the fastest motion that the task commands."""
+    from fieldgym.simulation.picker import measure_tracking
+
+    report = measure_tracking()
+    LINES.append(
+        (
+            "picker, fastest gate: largest errors",
+            f"tracking {1e3 * report.arm_error_m:.3f} mm, closure {1e3 * report.closure_error_m:.3f} mm",
+            "limit 0.3 mm",
+        )
+    )
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="fewer repetitions")
+    quick = parser.parse_args().quick
+    console = Console()
+    with console.status("measuring") as status:
+        for name, measure in (
+            ("imports", import_times),
+            ("kinematics", lambda: kinematics(quick)),
+            ("single decisions", lambda: analytic_decisions(quick)),
+            ("batched decisions", lambda: vector_decisions(quick)),
+            ("PyBullet decisions", lambda: pybullet_decisions(quick)),
+            ("tracking", tracking),
+        ):
+            status.update(f"measuring: {name}")
+            measure()
+    table = Table("what", "figure", "note", title=f"fieldgym {fieldgym.__version__}")
+    for line in LINES:
+        table.add_row(*line)
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()
