@@ -73,6 +73,8 @@ def _place(item: Any, order: Sequence[Any]) -> int:
 def _values(record: Record) -> dict[str, float]:
     """All numbers of an episode under one name each; None becomes NaN."""
     values = {name: np.nan if value is None else float(value) for name, value in record["scorecard"].items()}
+    if values.get("done") == 0.0:
+        values["cycle_time_s"] = np.nan  # without a finished target there is no cycle
     values["return"] = np.nan if record["return"] is None else float(record["return"])
     values["decision_ms"] = 1000.0 * record["decision_s"] / max(record["steps"], 1)
     values["wall_s"] = float(record["wall_s"])

@@ -70,6 +70,14 @@ def test_pairs_are_the_shared_seeds():
     assert swift.differences["net_rate"].n == 1
 
 
+def test_an_episode_that_finished_no_target_has_no_cycle_time():
+    idle = record("swift", 0, 0.0, 0.0)
+    idle["scorecard"]["done"] = 0.0
+    swift = tables.summarise([idle, record("swift", 1, 0.5, 12.0)], CASES)[0]
+    assert (swift.scores["cycle_time_s"].value, swift.scores["cycle_time_s"].n) == (12.0, 1)
+    assert swift.scores["net_rate"].value == 0.25
+
+
 def test_without_the_reference_there_is_no_difference():
     assert tables.summarise([record("swift", 0, 0.9, 9.0)], CASES)[0].differences == {}
 
