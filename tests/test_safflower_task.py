@@ -18,7 +18,16 @@ from fieldgym.envs.safflower.config import (
 )
 from fieldgym.envs.safflower.process import collected_share, cut_share
 from fieldgym.envs.safflower.scenario import draw_heads, fixed_order, reach_table, stop_centres
-from fieldgym.envs.safflower.task import DRIVE, FINISH, NOTHING, PickerOutcome, SafflowerCore, candidate_table
+from fieldgym.envs.safflower.task import (
+    _MISSED,
+    _TOTAL,
+    DRIVE,
+    FINISH,
+    NOTHING,
+    PickerOutcome,
+    SafflowerCore,
+    candidate_table,
+)
 from fieldgym.motion import QUINTIC
 
 ID = "fieldgym/SafflowerPicking-v0"
@@ -37,7 +46,7 @@ def toy(places: list[tuple[float, float, float]], **changes) -> SafflowerCore:
     position = np.array(places).reshape(-1, 3)
     core.head_position[0, :n] = position - core._frame
     core.head_mass_g[0, :n], core.head_stage[0, :n] = 0.4, 1
-    core.total_g[:], core.open_heads[:] = 0.4 * n, n
+    core.totals[:, [_TOTAL, _MISSED]] = 0.4 * n, n
     core.receive(0, position, np.ones(n, int), np.full(n, 0.048), np.arange(n))
     return core
 

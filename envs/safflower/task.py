@@ -38,8 +38,10 @@ SIZE_SCALE_M = 0.05
 
 _STILL_M = 1e-4
 
-_TIME, _LAST, _GAINED, _DROPPED, _DONE, _WASTED, _DAMAGED, _ILLEGAL = range(8)
-"""Columns of the running totals."""
+_TIME, _DONE, _MISSED, _DAMAGED, _ILLEGAL = range(5)
+_PHASES = slice(5, 11)
+_GAINED, _DROPPED, _TOTAL, _WASTED, _LAST = range(11, 16)
+"""Columns of the running totals, all but the last in the scorecard's order."""
 
 
 def candidate_table(observation: Mapping[str, NDArray[Any]]) -> NDArray[np.float32]:
@@ -160,9 +162,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.look_due = np.zeros(b, bool)
         self.pose = np.zeros((b, 3))
         self.rise_s = np.zeros(b)
-        self.totals = np.zeros((b, 8))
-        self.phases_s = np.zeros((b, len(self.phase_names)))
-        self.total_g, self.open_heads = np.zeros(b), np.zeros(b)
+        self.totals = np.zeros((b, _LAST + 1))
 
     def reset_rows(self, rows: Rows, generators: Sequence[np.random.Generator]) -> None:
         """Draw new fields for ``rows`` and put the carts at their first stop, reports taken."""
@@ -181,10 +181,10 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.head_luck[rows, :-1, 0], self.head_luck[rows, :-1, 1] = heads.cut_luck, heads.drop_luck
         self.plant_base[rows], self.plant_height_m[rows] = plants.base, plants.height_m
         self.plant_crown_m[rows] = plants.crown_m
-        self.total_g[rows] = heads.mass_g.sum(axis=1)
-        self.open_heads[rows] = np.count_nonzero(heads.mass_g, axis=1)
-        self.totals[rows], self.phases_s[rows] = 0.0, 0.0
-        self.totals[rows, _TIME] = self.phases_s[rows, 0] = self.config.process.recognise_s
+        self.totals[rows] = 0.0
+        self.totals[rows, _TOTAL] = heads.mass_g.sum(axis=1)
+        self.totals[rows, _MISSED] = np.count_nonzero(heads.mass_g, axis=1)
+        self.totals[rows, _TIME] = self.totals[rows, _PHASES.start] = self.config.process.recognise_s
         self.pose[rows, 0] = self._centres[0] - self.config.machine.picker.camera_ahead_m
         self.pose[rows, 1:] = self._park
         self.rise_s[rows] = 0.0
@@ -198,7 +198,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
             self._place_tracks(rows, tracks, 0)
             self.first[rows] = tracks.first
         self._fill_slots(rows)
-        if scenario.potted and not np.all(self.total_g[rows] > 0.0):
+        if scenario.potted and not np.all(self.totals[rows, _TOTAL] > 0.0):
             raise ValueError("the scenario drew a field without an open head: raise mean_heads")
 
     def receive(self, row: int, position: Array, stage: NDArray[np.int64], size_m: Array, head: Rows) -> None:
@@ -280,18 +280,18 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
 
         totals = self.totals
         elapsed = np.add.reduce(outcome.phases_s, axis=1)
-        booked = np.empty_like(totals)
+        booked = np.zeros_like(totals)
         booked[:, _TIME] = elapsed
-        booked[:, _LAST] = 0.0
-        booked[:, _GAINED] = gained
-        booked[:, _DROPPED] = cut - gained
         booked[:, _DONE] = done
-        booked[:, _WASTED] = picking & ~done
+        booked[:, _MISSED] = -booked[:, _DONE]
         booked[:, _DAMAGED] = fresh & (self.head_stage.take(place) == 0)
         booked[:, _ILLEGAL] = kind == NOTHING
+        booked[:, _PHASES] = outcome.phases_s
+        booked[:, _GAINED] = gained
+        booked[:, _DROPPED] = cut - gained
+        booked[:, _WASTED] = picking & ~done
         totals += booked
         np.copyto(totals[:, _LAST], totals[:, _TIME], where=done)
-        self.phases_s += outcome.phases_s
         self.pose = plan.target
         self.rise_s = np.where(kind == NOTHING, self.rise_s, plan.leg_s[:, 1])
         self._advance(plan, picking)
@@ -328,21 +328,14 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def scores(self) -> Array:
         """Scorecard so far; see ``score_names``. The net rate is eq. 35 over every open head of the field."""
         t = self.totals
-        done, time_s = t[:, _DONE], t[:, _TIME]
         result = np.empty((self.worlds, len(self.score_names)))
-        result[:, 0] = t[:, _GAINED] / np.maximum(self.total_g, 1e-12)
-        result[:, 1] = t[:, _LAST] / np.maximum(done, 1.0)
-        result[:, 2] = 60.0 * done / time_s
-        result[:, 3] = time_s
-        result[:, 4] = done
-        result[:, 5] = self.open_heads - done
-        result[:, 6:8] = t[:, _DAMAGED:]
-        result[:, 8:14] = self.phases_s
-        result[:, 14:16] = t[:, _GAINED : _DROPPED + 1]
-        result[:, 16] = self.total_g
-        result[:, 17] = t[:, _WASTED]
-        result[:, 18] = 60.0 * t[:, _GAINED] / time_s
-        result[:, 19] = self.stop
+        result[:, 0] = t[:, _GAINED] / np.maximum(t[:, _TOTAL], 1e-12)
+        result[:, 1] = t[:, _LAST] / np.maximum(t[:, _DONE], 1.0)
+        per_minute = 60.0 / t[:, _TIME]
+        result[:, 2] = t[:, _DONE] * per_minute
+        result[:, 3:-2] = t[:, :_LAST]
+        result[:, -2] = t[:, _GAINED] * per_minute
+        result[:, -1] = self.stop
         return result
 
     def describe(self, plan: PickerPlan, result: StepResult, row: int = 0) -> str:
