@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...mechanisms import ThreeUPSRPU
+from ...mechanisms.three_ups_rpu import SINGULAR_VALUE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,14 +46,15 @@ def legs(canvas: Canvas, time: Array, exact: LegCurves, printed: LegCurves, pane
     ):
         for leg, colour in enumerate(LEG_COLOURS):
             # Leg 3 lies on leg 1 in case 1: thin over thick shows both.
-            width = 3.2 if leg == 0 else 1.4
+            width = 3.2 if leg == 0 and np.allclose(solid[:, 0], solid[:, 2]) else 1.4
             axes.plot(time, solid[:, leg], color=colour, lw=width, label=f"leg {leg + 1}")
             axes.plot(time, dashed[:, leg], color=colour, lw=1.0, ls=(0, (4, 3)), alpha=0.9)
         axes.set(title=f"({panel}) {name}", xlabel="t (s)", ylabel=f"{name} ({unit})", xlim=(0.0, time[-1]))
         if name == "acceleration":
             axes.axhline(0.0, color="0.4", lw=0.8)
     handles, labels = canvas.axes[0].get_legend_handles_labels()
-    handles += canvas.axes[0].plot([], [], color="0.3", lw=1.4) + canvas.axes[0].plot([], [], "--", color="0.3", lw=1.0)
+    for style in ("-", "--"):
+        handles += canvas.axes[0].plot([], [], style, color="0.3", lw=1.2)
     canvas.legend(handles, [*labels, "Ry Rx (exact)", "Rx Ry (printed)"], loc="outside lower center", ncols=6)
 
 
@@ -75,9 +77,10 @@ def singular_values(
     left, middle, right = _row(canvas)
     names = ("published", "weeder()")
     for name, colour, (one, two) in zip(names, (LEG_COLOURS[0], LEG_COLOURS[3]), smallest, strict=True):
-        left.semilogy(time, np.maximum(one, 1e-17), color=colour, label=f"{name}, case 1")
-        left.semilogy(time, np.maximum(two, 1e-17), color=colour, ls="--", label=f"{name}, case 2")
+        left.semilogy(time, np.maximum(one, SINGULAR_VALUE), color=colour, label=f"{name}, case 1")
+        left.semilogy(time, np.maximum(two, SINGULAR_VALUE), color=colour, ls="--", label=f"{name}, case 2")
     left.set(title="along the paper's motions", xlabel="t (s)", ylabel="smallest singular value", xlim=(0.0, time[-1]))
+    left.text(0.4, 2.0 * SINGULAR_VALUE, "singular to rounding", color=LEG_COLOURS[0], fontsize=8)
     left.legend(loc="center right")
     x, beta = np.meshgrid(np.linspace(-0.1, 0.1, 81), np.deg2rad(np.linspace(-14.0, 14.0, 81)))
     poses = np.stack([x, np.full_like(x, 0.6), np.zeros_like(x), beta], axis=-1)
@@ -104,43 +107,39 @@ def singular_values(
 
 def null_twist(canvas: Canvas, machines: tuple[ThreeUPSRPU, ThreeUPSRPU]) -> None:
     """Leg lines of both layouts at home, seen from the side and from above."""
-    canvas.set_size_inches(10.0, 7.4)
-    grid = canvas.subplots(2, 2, gridspec_kw={"height_ratios": (1.25, 1.0)})
+    canvas.set_size_inches(10.5, 6.2)
+    panels = canvas.subplot_mosaic([["s0", "s1", "a0"], ["s0", "s1", "a1"]], width_ratios=(1.0, 1.0, 1.15))
+    note = {"fontsize": 8, "bbox": {"facecolor": "white", "edgecolor": "none", "alpha": 0.9}, "va": "top"}
     for column, (machine, name) in enumerate(zip(machines, ("published", "weeder()"), strict=True)):
         chains = machine.chains(machine.home_pose)
         twist = machine.null_twist(machine.home_pose)
-        for axes, (i, j) in zip(grid[:, column], ((0, 2), (0, 1)), strict=True):
-            for leg, colour in enumerate(LEG_COLOURS):
-                base, platform = chains.base[leg], chains.platform[leg]
-                far = base + (platform - base) * (4.2 if j == 2 else 4.0)
-                axes.plot(*_pair(base, far, i, j), color=colour, lw=0.8, ls=":")
-                axes.plot(*_pair(base, platform, i, j), color=colour, lw=3.0, label=f"leg {leg + 1}")
+        side, above = panels[f"s{column}"], panels[f"a{column}"]
+        for axes, i, j in ((side, 0, 2), (above, 0, 1)):
             for points in (chains.base, chains.platform):
                 order = [*np.argsort(np.arctan2(points[:, 1], points[:, 0]))]
                 order.append(order[0])
                 axes.plot(1e3 * points[order, i], 1e3 * points[order, j], color="0.35", lw=1.2)
+            for leg, colour in enumerate(LEG_COLOURS):
+                base, platform = chains.base[leg], chains.platform[leg]
+                # Leg 3 hides leg 1 in the side view: thin over thick shows both.
+                width = 4.5 if leg == 0 and j == 2 else 2.2
+                axes.plot(*_pair(base, base + 4.3 * (platform - base), i, j), color=colour, lw=0.9, ls=":")
+                axes.plot(*_pair(base, platform, i, j), color=colour, lw=width, label=f"leg {leg + 1}")
             axes.set_aspect("equal")
             axes.set(xlabel="x (mm)", ylabel=f"{'xyz'[j]} (mm)")
-        side, above = grid[:, column]
-        side.set(title=f"{name}: side view", xlim=(-900.0, 900.0), ylim=(-80.0, 2600.0))
-        above.set(title=f"{name}: from above", xlim=(-450.0, 450.0), ylim=(-450.0, 450.0))
-        above.legend(loc="upper right", fontsize=7, framealpha=0.85)
+        side.set(title=f"{name}: side view", xlim=(-650.0, 650.0), ylim=(-80.0, 2900.0))
+        above.set(title=f"{name}: from above", xlim=(-450.0, 450.0), ylim=(-430.0, 430.0))
+        smallest = float(machine.singularity(machine.home_pose).smallest)
         if np.isfinite(twist).all():
             # The axis of a turn about Y: where v + omega x d vanishes.
-            pole = chains.centre + np.cross(twist[3:], twist[:3])
-            side.plot(1e3 * pole[0], 1e3 * pole[2], "o", color="k", ms=6)
-            side.annotate(
-                f"null twist: turn about\nthe Y-parallel at z = {1e3 * pole[2]:.0f} mm",
-                (1e3 * pole[0], 1e3 * pole[2]),
-                (-820.0, 2150.0),
-                fontsize=8,
-            )
-            swing = np.linspace(-0.16, 0.16, 40)
-            radius = 1e3 * (pole[2] - chains.centre[2])
-            side.plot(radius * np.sin(swing), 1e3 * pole[2] - radius * np.cos(swing), color="k", lw=1.2)
+            pole = 1e3 * (chains.centre + np.cross(twist[3:], twist[:3]))
+            side.plot(pole[0], pole[2], "o", color="k", ms=6)
+            side.text(-620.0, 2850.0, f"null twist: a turn about the\nY-parallel at z = {pole[2]:.0f} mm", **note)
+            swing, radius = np.linspace(-0.25, 0.25, 40), pole[2] - 1e3 * chains.centre[2]
+            side.plot(pole[0] + radius * np.sin(swing), pole[2] - radius * np.cos(swing), color="k", lw=1.2)
         else:
-            smallest = float(machine.singularity(machine.home_pose).smallest)
-            side.text(-820.0, 2250.0, f"no null twist: smallest\nsingular value {smallest:.2f}", fontsize=8)
+            side.text(-620.0, 2850.0, f"no null twist: smallest\nsingular value {smallest:.2f}", **note)
+    canvas.legend(*panels["a0"].get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
 def forces(canvas: Canvas, time: Array, forces: list[Array]) -> None:
