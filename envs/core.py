@@ -1,9 +1,9 @@
-"""What every task shares: the batched rules, the executor behind a plan, and the sensor beside them."""
+"""What every task shares: the batched rules, the executor behind a plan, and the view of the world beside them."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -109,11 +109,19 @@ class Executor(Protocol[PlanT, OutcomeT]):
         ...
 
 
-class Sensor(Protocol):
-    """Puts what a camera sees into the rules, after a reset and after every decision."""
+class View(Protocol[PlanT]):
+    """The rendered world of one environment: what its cameras see and what people are shown."""
 
     def sense(self) -> None:
-        """Look where a look is due."""
+        """Hand the rules a camera's reports where a look is due."""
+        ...
+
+    def frame(self) -> NDArray[np.uint8]:
+        """Picture (h, w, 3) of the present state."""
+        ...
+
+    def frames(self, plan: PlanT, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
+        """Pictures of the decision that was just carried out, at a simulated rate."""
         ...
 
     def close(self) -> None:

@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any, ClassVar, Generic
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
-from .core import Executor, OutcomeT, PlanT, Sensor, StepResult, TaskCore
+from .core import Executor, OutcomeT, PlanT, StepResult, TaskCore, View
 
 _ONE_ROW = np.zeros(1, np.int64)
 
 
 class TaskEnv(gym.Env[dict[str, np.ndarray], np.int64], Generic[PlanT, OutcomeT]):
-    """Single environment over a ``TaskCore`` with one world, an executor and, where the task has one, a camera."""
+    """Single environment over a ``TaskCore`` with one world, an executor and a view that is made when it is needed.
+
+    Args:
+        core: the rules, one world.
+        executor: what carries plans out.
+        make_view: makes the rendered world; its argument asks for a window.
+        sensing: whether reports come from the view's camera.
+        render_mode: ``"rgb_array"`` (``render`` returns a picture), ``"human"`` (a window follows every decision in
+            real time) or None.
+
+    Raises:
+        ValueError: unknown render mode.
+    """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": 20}
 
@@ -21,19 +36,31 @@ class TaskEnv(gym.Env[dict[str, np.ndarray], np.int64], Generic[PlanT, OutcomeT]
         self,
         core: TaskCore[PlanT, OutcomeT],
         executor: Executor[PlanT, OutcomeT],
-        sensor: Sensor | None = None,
+        make_view: Callable[[bool], View[PlanT]],
+        sensing: bool = False,
         render_mode: str | None = None,
     ):
-        """Join the parts; ``core.worlds`` must be 1."""
+        """Join the parts."""
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode = {render_mode!r}: choose 'human', 'rgb_array' or None")
-        self.core, self.executor, self.sensor = core, executor, sensor
+        self.core, self.executor = core, executor
         self.render_mode = render_mode
         self.observation_space = core.observation_space
         self.action_space = core.action_space
+        self._make_view, self._view = make_view, None
+        self._sensing = sensing
+        self._on_frame: Callable[[NDArray[np.uint8]], None] | None = None
+        self._frames_per_second = float(self.metadata["render_fps"])
         self._actions = np.zeros(1, np.int64)
         self._last: tuple[PlanT, StepResult] | None = None
         self._mask = np.zeros(0, np.int8)
+
+    @property
+    def view(self) -> View[PlanT]:
+        """The rendered world, made at its first use."""
+        if self._view is None:
+            self._view = self._make_view(self.render_mode == "human")
+        return self._view
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -42,8 +69,8 @@ class TaskEnv(gym.Env[dict[str, np.ndarray], np.int64], Generic[PlanT, OutcomeT]
         super().reset(seed=seed)
         self.core.reset_rows(_ONE_ROW, [self.np_random])
         self.executor.reset_rows(_ONE_ROW)
-        if self.sensor is not None:
-            self.sensor.sense()
+        if self._sensing:
+            self.view.sense()
         self._last = None
         observation = self._observe()
         zeros = [0.0] * len(self.core.reward_names), [0.0] * len(self.core.phase_names)
@@ -58,8 +85,10 @@ class TaskEnv(gym.Env[dict[str, np.ndarray], np.int64], Generic[PlanT, OutcomeT]
         self._actions[0] = self._checked(action)
         plan = self.core.plan(self._actions)
         result = self.core.apply(plan, self.executor.execute(plan))
-        if self.sensor is not None:
-            self.sensor.sense()
+        if self._on_frame is not None or self.render_mode == "human":
+            self._show(plan, result)
+        if self._sensing:
+            self.view.sense()
         self._last = plan, result
         rewards = result.rewards[0].tolist()
         observation = self._observe()
@@ -76,11 +105,38 @@ class TaskEnv(gym.Env[dict[str, np.ndarray], np.int64], Generic[PlanT, OutcomeT]
             return "ready"
         return self.core.describe(*self._last)
 
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Picture (h, w, 3) of the present state with ``render_mode="rgb_array"``; the window follows by itself."""
+        return self.view.frame() if self.render_mode == "rgb_array" else None
+
+    def record(self, on_frame: Callable[[NDArray[np.uint8]], None] | None, frames_per_second: float = 20.0) -> None:
+        """Hand every decision's pictures to ``on_frame`` from now on; None ends it.
+
+        Args:
+            on_frame: takes a picture (h, w, 3), uint8.
+            frames_per_second: pictures a simulated second.
+
+        Raises:
+            ValueError: the rate is not positive.
+        """
+        if not frames_per_second > 0.0:
+            raise ValueError(f"frames_per_second = {frames_per_second} must be positive")
+        self._on_frame, self._frames_per_second = on_frame, frames_per_second
+
     def close(self) -> None:
         """Free the simulation; idempotent."""
         self.executor.close()
-        if self.sensor is not None:
-            self.sensor.close()
+        if self._view is not None:
+            self._view.close()
+
+    def _show(self, plan: PlanT, result: StepResult) -> None:
+        """Play the decision: to the recorder at its rate, in a window as fast as it really went."""
+        began = time.perf_counter()
+        for i, frame in enumerate(self.view.frames(plan, result, self._frames_per_second)):
+            if self._on_frame is not None:
+                self._on_frame(frame)
+            if self.render_mode == "human":
+                time.sleep(max(0.0, began + i / self._frames_per_second - time.perf_counter()))
 
     def _observe(self) -> dict[str, np.ndarray]:
         observation = {name: values[0] for name, values in self.core.observe().items()}

@@ -44,7 +44,7 @@ def toy(places: list[tuple[float, float, float]], **changes) -> SafflowerCore:
     core.head_luck[:] = 0.0
     n = len(places)
     position = np.array(places).reshape(-1, 3)
-    core.head_position[0, :n] = position - core._frame
+    core.head_position[0, :n] = position - core.frame
     core.head_mass_g[0, :n], core.head_stage[0, :n] = 0.4, 1
     core.totals[:, [_TOTAL, _MISSED]] = 0.4 * n, n
     core.receive(0, position, np.ones(n, int), np.full(n, 0.048), np.arange(n))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from gymnasium.vector import AutoresetMode
 
@@ -13,6 +14,9 @@ from ..vector import TaskVectorEnv
 from .config import SCENARIOS, PerceptionModel, SafflowerConfig
 from .executor import AnalyticPicker, PyBulletPicker
 from .task import PickerOutcome, PickerPlan, SafflowerCore
+
+if TYPE_CHECKING:
+    from .view import PickerView
 
 
 class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
@@ -73,7 +77,7 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
         perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
         core = SafflowerCore(config, perception_model(perception))
         executor = AnalyticPicker() if backend == "analytic" else PyBulletPicker(core)
-        super().__init__(core, executor, None, render_mode)
+        super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
 
 
 class SafflowerPickingVectorEnv(TaskVectorEnv[PickerPlan, PickerOutcome]):
@@ -103,6 +107,13 @@ class SafflowerPickingVectorEnv(TaskVectorEnv[PickerPlan, PickerOutcome]):
         super().__init__(core, AnalyticPicker(), autoreset_mode)
         if render_mode is not None:
             raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
+
+
+def _make_view(core: SafflowerCore, window: bool) -> PickerView:
+    # Rendering and OpenCV load only where something is seen.
+    from .view import PickerView
+
+    return PickerView(core, window)
 
 
 def configured(config: SafflowerConfig | None, scenario: str | None, slots: int | None) -> SafflowerConfig:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from ...motion import QUINTIC
-from ...simulation.picker import PickerMachine
+from ...simulation.picker_model import PickerParameters
 from ..core import Array, Rows
 from .config import SafflowerConfig
 from .task import DRIVE, NOTHING, PickerOutcome, PickerPlan, SafflowerCore
@@ -42,16 +41,14 @@ class PyBulletPicker:
 
     def __init__(self, core: SafflowerCore):
         """Build the machine for the rules' single world."""
+        # PyBullet loads where a machine is driven, not where a batch is computed.
+        from ...simulation.picker import PickerMachine
+
         if core.worlds != 1:
             raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
         self._core = core
         self._machine = PickerMachine(picker_parameters(core.config))
         self._dt = 1.0 / self._machine.parameters.physics_hz
-        self._watch: Callable[[float, float, Array], None] | None = None
-
-    def watch(self, callback: Callable[[float, float, Array], None] | None) -> None:
-        """Call ``callback(seconds since the decision began, cart, tool)`` after every step of a motion."""
-        self._watch = callback
 
     def reset_rows(self, rows: Rows) -> None:
         """Put the machine where the rules say it stands."""
@@ -66,12 +63,11 @@ class PyBulletPicker:
         if kind == NOTHING:
             return PickerOutcome(phases, plan.target)
         cart, tool, nominal_s = trajectory(plan, self._core.config.machine.clear_level_m, self._dt)
-        began_s = float(phases[0, 0])
-        report = self._machine.run(cart, tool, self._stepper(began_s, cart, tool))
+        report = self._machine.run(cart, tool)
         moved_s = report.duration_s
         hold = np.full(round(_WAIT_S / self._dt) + 1, cart[-1]), np.repeat(tool[-1:], round(_WAIT_S / self._dt) + 1, 0)
         while report.final_error_m > _REST_TOLERANCE_M and moved_s < nominal_s + _REST_LIMIT_S:
-            report = self._machine.run(*hold, self._stepper(began_s + moved_s, *hold))
+            report = self._machine.run(*hold)
             moved_s += report.duration_s
         phases[0, 1 if kind == DRIVE else 2] += moved_s - nominal_s
         x, y, z = report.final_tool_m
@@ -83,14 +79,8 @@ class PyBulletPicker:
         """Close the world; idempotent."""
         self._machine.close()
 
-    def _stepper(self, began_s: float, cart: Array, tool: Array) -> Callable[[int], None] | None:
-        watch = self._watch
-        if watch is None:
-            return None
-        return lambda row: watch(began_s + row * self._dt, float(cart[row]), tool[row])
 
-
-def picker_parameters(config: SafflowerConfig):
+def picker_parameters(config: SafflowerConfig) -> PickerParameters:
     """The machine's parameters with its frame set to the scenario's crop."""
     return replace(config.machine.picker, motor_height_m=config.scenario.motor_height_m)
 

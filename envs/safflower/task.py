@@ -124,7 +124,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self._half_base_m, self._clear_m = self._park.tolist()
         self._centres = stop_centres(scenario)
         # World (along, across, up) of the arm plane's (cart, u, v) = 0.
-        self._frame = np.array([0.0, -self._half_base_m, scenario.motor_height_m])
+        self.frame = np.array([0.0, -self._half_base_m, scenario.motor_height_m])
         self._stop_pose = np.column_stack([self._centres, np.tile(self._park, (len(self._centres), 1))])
         self._stops_left = 1.0 - (1.0 + np.arange(len(self._centres))) / len(self._centres)
         self._pose_scale = 1.0 / np.array([AHEAD_SCALE_M, ACROSS_SCALE_M, HEIGHT_SCALE_M])
@@ -160,6 +160,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.remaining = np.zeros(b, np.int64)
         self.stop = np.zeros(b, np.int64)
         self.look_due = np.zeros(b, bool)
+        self.episode = np.zeros(b, np.int64)
         self.pose = np.zeros((b, 3))
         self.rise_s = np.zeros(b)
         self.totals = np.zeros((b, _LAST + 1))
@@ -171,7 +172,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         scenario = self.config.scenario
         uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
         heads, plants = draw_heads(self.config, uniform, normal)
-        self.head_position[rows, :-1] = heads.position - self._frame
+        self.head_position[rows, :-1] = heads.position - self.frame
         self.head_exists[rows, :-1] = heads.exists
         self.head_occluded[rows, :-1] = heads.occluded
         self.head_stage[rows, :-1] = heads.stage
@@ -181,6 +182,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.head_luck[rows, :-1, 0], self.head_luck[rows, :-1, 1] = heads.cut_luck, heads.drop_luck
         self.plant_base[rows], self.plant_height_m[rows] = plants.base, plants.height_m
         self.plant_crown_m[rows] = plants.crown_m
+        self.episode[rows] += 1
         self.totals[rows] = 0.0
         self.totals[rows, _TOTAL] = heads.mass_g.sum(axis=1)
         self.totals[rows, _MISSED] = np.count_nonzero(heads.mass_g, axis=1)
@@ -382,7 +384,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def _place_tracks(self, rows: Rows, tracks: Tracks, start: int) -> None:
         """Write reports and all that policies are shown of them that does not depend on where the arm is."""
         where = slice(start, start + tracks.position.shape[1])
-        target = tracks.position - self._frame
+        target = tracks.position - self.frame
         descent = np.maximum(self._clear_m - target[..., 2], 0.0)
         half_width = np.interp(target[..., 2], *reach_table(self.config.machine.picker.five_bar), left=-1.0, right=-1.0)
         legal = (np.abs(tracks.position[..., 1]) <= half_width) & (target[..., 2] <= self._clear_m)

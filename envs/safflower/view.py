@@ -1,0 +1,131 @@
+"""The picker's rendered world: its camera's reports, and pictures for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...perception.blooms import detect_blooms
+from ..core import Array, StepResult
+from .executor import picker_parameters, trajectory
+from .scenario import fixed_order, stop_centres
+from .scene import Field, PickerScene
+from .task import NOTHING, PickerPlan, SafflowerCore
+
+MATCH_RADIUS_M = 0.025
+"""A report farther than this from every head is counted as false."""
+
+
+class PickerView:
+    """Scene of one world of the rules; follows the rules' state by itself."""
+
+    def __init__(self, core: SafflowerCore, window: bool = False):
+        """Build the scene; its plants come with the first look or picture."""
+        self._core = core
+        self._scene = PickerScene(picker_parameters(core.config), window=window)
+        self._centres = stop_centres(core.config.scenario)
+        self._episode = -1
+        self._shown = np.zeros(0, np.int64)
+        self._picked: set[int] = set()
+
+    def sense(self) -> None:
+        """Where a look is due, render the stop, segment it and hand its reports to the rules in the fixed order."""
+        core = self._core
+        if not core.look_due[0]:
+            return
+        self._follow()
+        look = self._scene.look()
+        blooms = detect_blooms(look.rgb, look.depth_m, look.camera)
+        stop = int(core.stop[0])
+        half = 0.5 * core.config.scenario.window_m
+        here = np.abs(blooms.position[:, 0] - self._centres[stop]) <= half
+        position = blooms.position[here]
+        order = fixed_order(core.config, position[None], np.ones((1, len(position)), bool))[0][0]
+        position = position[order]
+        size = np.sqrt(4.0 / np.pi * blooms.area_m2[here][order])
+        core.receive(0, position, blooms.stage[here][order], size, self._heads_behind(position))
+
+    def frame(self) -> NDArray[np.uint8]:
+        """Picture of the present state."""
+        self._follow()
+        return self._scene.render()
+
+    def frames(self, plan: PickerPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
+        """Pictures of a decision: it stands and locates, moves, stands and cuts; a still machine is drawn once."""
+        core = self._core
+        phases = dict(zip(core.phase_names, result.phases_s[0].tolist(), strict=True))
+        self._load_if_new()
+        still = self._draw(plan.start[0])
+        yield from _repeat(still, phases["recognise"] * frames_per_second)
+        if plan.kind[0] != NOTHING:
+            cart, tool, _ = trajectory(plan, core.config.machine.clear_level_m, 1.0 / frames_per_second)
+            for x, place in zip(cart, tool, strict=True):
+                yield self._draw(np.array([x, *place]))
+        standing = phases["settle"] + phases["shear"] + phases["suck"]
+        still = self._draw(plan.target[0])
+        yield from _repeat(still, standing * frames_per_second)
+        self._follow()
+
+    def close(self) -> None:
+        """Close the scene; idempotent."""
+        self._scene.close()
+
+    def _draw(self, pose: Array) -> NDArray[np.uint8]:
+        self._scene.set_machine(float(pose[0]), pose[1:])
+        return self._scene.render()
+
+    def _follow(self) -> None:
+        """Bring the scene to the rules' state."""
+        core = self._core
+        self._load_if_new()
+        for head in np.flatnonzero(core.head_visited[0, self._shown]):
+            if head not in self._picked:
+                self._scene.set_picked(int(head))
+                self._picked.add(int(head))
+        self._scene.set_machine(float(core.pose[0, 0]), core.pose[0, 1:])
+
+    def _load_if_new(self) -> None:
+        core = self._core
+        if self._episode == core.episode[0]:
+            return
+        self._episode = int(core.episode[0])
+        self._shown = np.flatnonzero(core.head_exists[0])
+        self._picked.clear()
+        shown, scenario = self._shown, core.config.scenario
+        self._scene.load(
+            Field(
+                head_position=core.head_position[0, shown] + core.frame,
+                head_stage=core.head_stage[0, shown],
+                head_diameter_m=core.head_size_m[0, shown] * _BULB_SHARE,
+                head_plant=shown // scenario.max_heads,
+                head_occluded=core.head_occluded[0, shown],
+                plant_base=core.plant_base[0],
+                plant_height_m=core.plant_height_m[0],
+                crown_m=core.plant_crown_m[0],
+                potted=scenario.potted,
+            )
+        )
+
+    def _heads_behind(self, position: Array) -> NDArray[np.int64]:
+        """Index of the nearest true head of each report, nearest pairs first, for scoring alone."""
+        core = self._core
+        heads = np.full(len(position), core.head_mass_g.shape[1] - 1)
+        if len(position) == 0 or len(self._shown) == 0:
+            return heads
+        truth = core.head_position[0, self._shown] + core.frame
+        distance = np.linalg.norm(position[:, None] - truth[None], axis=-1)
+        nearest = distance.argmin(axis=1)
+        close = distance[np.arange(len(position)), nearest] <= MATCH_RADIUS_M
+        heads[close] = self._shown[nearest[close]]
+        return heads
+
+
+_BULB_SHARE = 0.5256
+"""Bulb diameter over filament spread [published means: 25.15 and 47.85 mm]."""
+
+
+def _repeat(picture: NDArray[np.uint8], times: float) -> Iterator[NDArray[np.uint8]]:
+    for _ in range(round(times)):
+        yield picture
