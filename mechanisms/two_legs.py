@@ -15,7 +15,7 @@ from .linear import apply, dot
 from .workspace import Method, PlanarWorkspace, planar_workspace
 
 _HANGING = -0.5 * np.pi
-_NEAR_UPRIGHT = 1e-6
+_UPRIGHT_BAND = 0.02
 
 
 class Conditioning(NamedTuple):
@@ -240,6 +240,7 @@ class TwoLegs:
         """Half-angle root of the loop closure: with phi = q + pi/2 and t = tan(phi/2), one quadratic in t a leg."""
         y = position[1] + self._drop_m
         y_square = y * y
+        highest = y.max() if y.size else -np.inf
         for index, leg in enumerate(self._legs):
             arm, forearm = leg.arm_m, leg.forearm_m
             x = position[0] + (leg.wrist_x_m - leg.motor_x_m)
@@ -252,15 +253,16 @@ class TwoLegs:
             np.sqrt(square, out=square)
             if leg.side < 0.0:
                 np.negative(square, out=square)
-            square -= x
-            denominator = np.subtract(y, reach, out=reach)
-            nearest = np.abs(denominator).min() if denominator.size else 1.0
-            np.divide(square, denominator, out=square)
+            # Only a wrist above this level has a closure with an upright arm, where the quotient below turns to 0/0.
+            level = arm - forearm - _UPRIGHT_BAND * arm
+            if highest < level:
+                square -= x
+                np.divide(square, np.subtract(y, reach, out=reach), out=square)
+            else:
+                _half_angles(x, y, reach, square, leg.side, level)
             np.arctan(square, out=square)
             np.multiply(square, 2.0, out=joints[index])
             joints[index] += _HANGING
-            if not nearest > _NEAR_UPRIGHT:
-                _mend_upright(x, y, denominator, leg, joints[index])
 
     def _elbows(self, angles: Array) -> Array:
         """Elbow positions (..., 2 legs, 2)."""
@@ -333,14 +335,14 @@ def solve_pair(matrix: Array, vector: Array) -> Array:
         return np.stack([x, y], axis=-1) / determinant[..., None]
 
 
-def _mend_upright(x: Array, y: Array, denominator: Array, leg: Leg, joints: Array) -> None:
-    """Where an arm points straight up the half-angle quotient is 0/0: build the elbow and take its direction."""
-    rows = np.flatnonzero(np.abs(denominator) <= _NEAR_UPRIGHT)
-    if len(rows) == 0:
-        return
-    px, py, arm, forearm = x[rows], y[rows], leg.arm_m, leg.forearm_m
-    square = px * px + py * py
-    along = 0.5 * (square + arm * arm - forearm * forearm) / square
-    height = leg.side * np.sqrt(arm * arm / square - along * along)
-    angle = np.arctan2(along * py - height * px, along * px + height * py)
-    joints[rows] = np.where(angle > np.pi / 2, angle - 2.0 * np.pi, angle)
+def _half_angles(x: Array, y: Array, reach: Array, root: Array, side: float, level: float) -> None:
+    """Tangents of half the arms' angles from hanging, in place of ``root``, for wrists that may be high.
+
+    Of the two closures the quotient (root - x) / (y - reach) turns to 0/0 for the wanted one where the other one's arm
+    is upright; multiplied out it reads (y + reach) / (root + x), which is sound there.
+    """
+    turned = (y >= level) & (side * x > 0.0)
+    numerator = np.where(turned, y + reach, root - x)
+    np.divide(numerator, np.where(turned, root + x, y - reach), out=root)
+    # Both vanish only where arm and forearm lie on the vertical with the arm upright.
+    root[(numerator == 0.0) & np.isnan(root)] = np.inf
