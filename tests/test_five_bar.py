@@ -17,7 +17,7 @@ def reachable_poses(count, seed=0):
 
 @pytest.fixture(scope="module")
 def region():
-    """The reachable region from points thrown into a close box, which makes the area exact to 0.3 mm2 in 1000."""
+    """The reachable region from points thrown into a close box: its area has a standard error of 0.14 %."""
     return planar_workspace(BAR.reachable, (0.14, -0.52), (0.44, -0.20), samples=400_000)
 
 
@@ -91,7 +91,7 @@ def test_the_reachable_area_is_0_051_m2(region):
 
 
 def test_the_reachable_area_is_nearly_the_published_triangle(region):
-    triangle, overlap = best_triangle(region.points[:40_000], region.area_m2, 0.350)
+    triangle, overlap = best_triangle(region.points[:15_000], region.area_m2, 0.350)
     assert overlap >= 0.80
     # Apex down, level side up: the shape of the paper's Fig. 6.
     assert np.argmin(triangle[:, 1]) == 0 and triangle[1, 1] == pytest.approx(triangle[2, 1])

@@ -202,13 +202,12 @@ def test_each_margin_turns_negative_exactly_where_its_limit_is_passed(name):
     machine = MACHINES[name]
     poses = reachable_poses(machine, BOXES[name], 200)
     margins = machine.margins(poses)
+    middle = {name: float(np.median(values)) for name, values in margins.items()}
     tightened = {
-        "clearance": replace(machine, link_clearance_m=float(np.median(margins["clearance"])) + 0.02),
-        "forearms": replace(
-            machine, min_forearm_angle_rad=machine.min_forearm_angle_rad + np.median(margins["forearms"])
-        ),
-        "elbow1": replace(machine, min_elbow_angle_rad=machine.min_elbow_angle_rad + np.median(margins["elbow1"])),
-        "elbow2": replace(machine, min_elbow_angle_rad=machine.min_elbow_angle_rad + np.median(margins["elbow2"])),
+        "clearance": replace(machine, link_clearance_m=machine.link_clearance_m + middle["clearance"]),
+        "forearms": replace(machine, min_forearm_angle_rad=machine.min_forearm_angle_rad + middle["forearms"]),
+        "elbow1": replace(machine, min_elbow_angle_rad=machine.min_elbow_angle_rad + middle["elbow1"]),
+        "elbow2": replace(machine, min_elbow_angle_rad=machine.min_elbow_angle_rad + middle["elbow2"]),
     }
     for limit, tight in tightened.items():
         now = tight.margins(poses)[limit]
