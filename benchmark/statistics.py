@@ -103,7 +103,7 @@ def _bootstrap(values: Array, statistic: Callable[..., Any]) -> tuple[float, flo
                 confidence_level=CONFIDENCE,
                 method=method,
                 vectorized=True,
-                random_state=np.random.default_rng(BOOTSTRAP_SEED),
+                rng=np.random.default_rng(BOOTSTRAP_SEED),
             ).confidence_interval
             if np.isfinite(interval.low) and np.isfinite(interval.high):
                 return value, float(interval.low), float(interval.high)

@@ -12,7 +12,7 @@ def test_mean_interval_is_the_one_of_scipy():
         np.mean,
         n_resamples=statistics.RESAMPLES,
         method="BCa",
-        random_state=np.random.default_rng(statistics.BOOTSTRAP_SEED),
+        rng=np.random.default_rng(statistics.BOOTSTRAP_SEED),
     ).confidence_interval
     result = statistics.mean(values)
     assert result == statistics.Estimate(values.mean(), expected.low, expected.high, 40)
