@@ -122,8 +122,10 @@ class Results:
 
     def append(self, record: Record) -> None:
         """Add one record; when this returns, it is on the disk."""
+        line = (json.dumps(record, allow_nan=False) + "\n").encode()
         try:
-            os.write(self._file, (json.dumps(record, allow_nan=False) + "\n").encode())
+            while line:
+                line = line[os.write(self._file, line) :]  # a disk that runs full takes a part without an error
             os.fsync(self._file)
         except OSError as error:
             raise ResultsError(

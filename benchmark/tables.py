@@ -76,6 +76,9 @@ def _values(record: Record) -> dict[str, float]:
     if values.get("done") == 0.0:
         values["cycle_time_s"] = np.nan  # without a finished target there is no cycle
     values["return"] = np.nan if record["return"] is None else float(record["return"])
+    done = values.get("done", np.nan)
+    for name in [name for name in values if name.startswith("phase_")]:
+        values[name.removesuffix("_s") + "_s_each"] = values[name] / done if done > 0.0 else np.nan
     values["decision_ms"] = 1000.0 * record["decision_s"] / max(record["steps"], 1)
     values["wall_s"] = float(record["wall_s"])
     return values
@@ -211,8 +214,21 @@ def markdown(rows: Iterable[Row]) -> str:
             texts = [column.cell(row) for column in COLUMNS]
             cells = [f"{value} ({interval})" if interval else value for value, interval in texts]
             lines.append(f"| {row.policy} | {row.episodes} | " + " | ".join(cells) + " |")
-        parts.append("\n".join([*lines, "", legend(members), ""]))
+        parts.append("\n".join([*lines, "", legend(members), "", *_phases(members), ""]))
     return "\n".join(parts)
+
+
+def _phases(rows: Sequence[Row]) -> list[str]:
+    """Markdown lines: where the seconds of a finished target go."""
+    names = [name for name in rows[0].scores if name.startswith("phase_") and name.endswith("_s_each")]
+    if not names:
+        return []
+    titles = [name.removeprefix("phase_").removesuffix("_s_each").replace("_", " ") for name in names]
+    lines = ["| seconds a finished target | " + " | ".join(titles) + " |", "|---" * (len(names) + 1) + "|"]
+    for row in rows:
+        values = [row.scores[name].value if name in row.scores else math.nan for name in names]
+        lines.append(f"| {row.policy} | " + " | ".join(f"{v:.2f}" if math.isfinite(v) else "-" for v in values) + " |")
+    return lines
 
 
 def comma_separated(rows: Iterable[Row]) -> str:

@@ -124,6 +124,14 @@ def test_files_hold_the_same_figures(tmp_path: Path, rows: list[tables.Row]):
     assert "| swift | 3 | 84.00 (" in (tmp_path / "summary.md").read_text()
 
 
+def test_markdown_tells_where_the_seconds_of_a_target_go():
+    entry = record("swift", 0, 0.5, 12.0)
+    entry["scorecard"] |= {"done": 4.0, "phase_drive_s": 6.0, "phase_shear_s": 10.0}
+    lines = tables.markdown(tables.summarise([entry], CASES)).splitlines()
+    assert "| seconds a finished target | drive | shear |" in lines
+    assert "| swift | 1.50 | 2.50 |" in lines
+
+
 def test_a_suite_can_be_narrowed():
     suite = Suite("quick", CASES)
     narrow = suite.narrowed(policies=["plain"], episodes=2)
