@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,7 +36,7 @@ def wanted(observation: Observation) -> NDArray[np.bool_]:
     return reachable & (candidates[..., _OPEN].max(axis=-1) > 0.5)
 
 
-def _pick(slot: NDArray[np.int64], effort: NDArray[np.int64] | int, picks: NDArray[np.bool_], slots: int) -> Actions:
+def _pick(slot: NDArray[Any], effort: NDArray[Any] | int, picks: Any, slots: int) -> Actions:
     return np.where(picks, slot * len(EFFORTS) + effort, slots * len(EFFORTS))
 
 
@@ -76,7 +78,7 @@ class NearestTwoOpt(StatelessPolicy):
         """Actions (B,)."""
         open_heads = wanted(observation)
         slot = np.zeros(len(open_heads), np.int64)
-        for row in np.flatnonzero(open_heads.any(axis=1)):
+        for row in np.flatnonzero(open_heads.any(axis=1)).tolist():
             slots = np.flatnonzero(open_heads[row])
             slot[row] = slots[open_route(self._move_times(observation, row, slots))[0]]
         return _pick(slot, NORMAL, open_heads.any(axis=1), open_heads.shape[1])

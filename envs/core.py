@@ -47,6 +47,8 @@ class StepResult(NamedTuple):
 
 PlanT = TypeVar("PlanT")
 OutcomeT = TypeVar("OutcomeT")
+PlanIn = TypeVar("PlanIn", contravariant=True)
+OutcomeOut = TypeVar("OutcomeOut", covariant=True)
 
 
 class TaskCore(ABC, Generic[PlanT, OutcomeT]):
@@ -93,14 +95,14 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
         """One line for people about the last decision of one world."""
 
 
-class Executor(Protocol[PlanT, OutcomeT]):
+class Executor(Protocol[PlanIn, OutcomeOut]):
     """Carries a plan out and says what happened."""
 
     def reset_rows(self, rows: Rows) -> None:
         """Put the machines of ``rows`` where the rules say they stand."""
         ...
 
-    def execute(self, plan: PlanT) -> OutcomeT:
+    def execute(self, plan: PlanIn) -> OutcomeOut:
         """Carry out the plan of every world."""
         ...
 
@@ -109,7 +111,7 @@ class Executor(Protocol[PlanT, OutcomeT]):
         ...
 
 
-class View(Protocol[PlanT]):
+class View(Protocol[PlanIn]):
     """The rendered world of one environment: what its cameras see and what people are shown."""
 
     def sense(self) -> None:
@@ -120,7 +122,7 @@ class View(Protocol[PlanT]):
         """Picture (h, w, 3) of the present state."""
         ...
 
-    def frames(self, plan: PlanT, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
+    def frames(self, plan: PlanIn, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
         """Pictures of the decision that was just carried out, at a simulated rate."""
         ...
 

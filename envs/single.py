@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, ClassVar, Generic
+from typing import Any, Generic
 
 import gymnasium as gym
 import numpy as np
@@ -15,7 +15,7 @@ from .core import Executor, OutcomeT, PlanT, StepResult, TaskCore, View
 _ONE_ROW = np.zeros(1, np.int64)
 
 
-class TaskEnv(gym.Env[dict[str, np.ndarray], np.int64], Generic[PlanT, OutcomeT]):
+class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
     """Single environment over a ``TaskCore`` with one world, an executor and a view that is made when it is needed.
 
     Args:
@@ -30,7 +30,7 @@ class TaskEnv(gym.Env[dict[str, np.ndarray], np.int64], Generic[PlanT, OutcomeT]
         ValueError: unknown render mode.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": 20}
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 20}  # noqa: RUF012
 
     def __init__(
         self,
@@ -153,7 +153,7 @@ class TaskEnv(gym.Env[dict[str, np.ndarray], np.int64], Generic[PlanT, OutcomeT]
         }
 
     def _checked(self, action: Any) -> int:
-        n = int(self.action_space.n)
+        n = int(self.core.action_space.n)
         number = np.asarray(action)
         if number.size != 1 or number.dtype.kind not in "iu":
             raise ValueError(f"action = {action!r} is not one integer: give a number in 0..{n - 1}")

@@ -103,7 +103,7 @@ def _solve(process: ProcessConfig, name: str, low: float, high: float, excess, w
 
 def main() -> None:
     """Calibrate or check, and print."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--worlds", type=int, default=4000, help="runs of the protocol a measurement (default 4000)")
     parser.add_argument("--check", action="store_true", help="measure the numbers as they are")
     options = parser.parse_args()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import fieldgym
+from fieldgym.envs import register
 
 ID = "fieldgym/SafflowerPicking-v0"
 BACKENDS = ("analytic", "pybullet")
@@ -46,7 +46,7 @@ def trajectory_hash(backend: str, seeds: range = range(8), decisions: int = 12) 
 
 
 def test_registration_is_idempotent_and_named_module_works():
-    fieldgym.envs.register()
+    register()
     env = gym.make("fieldgym:" + ID, backend="analytic")
     assert env.spec is not None and env.spec.id == ID
     assert gym.spec(ID).to_json()

@@ -1,6 +1,7 @@
 """The picking rules on instances that can be checked by hand."""
 
 from dataclasses import replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -141,7 +142,7 @@ def test_a_head_beyond_the_arm_is_shown_but_masked():
 def test_the_field_does_not_depend_on_the_camera(scenario):
     fields = []
     for perception in ("perfect", "model"):
-        env = gym.make(ID, backend="analytic", scenario=scenario, perception=perception)
+        env: Any = gym.make(ID, backend="analytic", scenario=scenario, perception=perception)
         env.reset(seed=3)
         core = env.unwrapped.core
         fields.append((core.head_position.copy(), core.head_mass_g.copy(), core.head_luck.copy()))
@@ -151,7 +152,7 @@ def test_the_field_does_not_depend_on_the_camera(scenario):
 def test_steps_draw_no_chance_and_luck_belongs_to_the_head():
     gains = []
     for order in ((0, 0), (1, 0)):
-        env = gym.make(ID, backend="analytic", perception="perfect").unwrapped
+        env: Any = gym.make(ID, backend="analytic", perception="perfect").unwrapped
         env.reset(seed=11)
         while (env.core.remaining < 2).any():
             env.step(3 * env.core.config.slots)
@@ -270,7 +271,7 @@ def test_bad_settings_are_named(make, word):
 
 @pytest.mark.parametrize("action", [float("nan"), 49, -1, 1.5, [1, 2], None])
 def test_bad_actions_are_named(action):
-    env = gym.make(ID, backend="analytic").unwrapped
+    env: Any = gym.make(ID, backend="analytic").unwrapped
     env.reset(seed=0)
     with pytest.raises(ValueError, match=r"0\.\.48"):
         env.step(action)
@@ -281,7 +282,7 @@ def test_bad_actions_are_named(action):
 
 
 def test_unknown_policy_lists_the_choices():
-    env = gym.make(ID, backend="analytic")
+    env: Any = gym.make(ID, backend="analytic")
     with pytest.raises(ValueError, match="did you mean 'nearest'"):
         make_policy("nearst", env)
 
@@ -296,7 +297,7 @@ def test_stop_windows_cover_the_row():
 
 def test_perfect_perception_reports_every_head_with_filaments():
     assert PerceptionModel.perfect().recall[0] == (0.0, 1.0, 1.0, 1.0)
-    env = gym.make(ID, backend="analytic", perception="perfect", scenario="row").unwrapped
+    env: Any = gym.make(ID, backend="analytic", perception="perfect", scenario="row").unwrapped
     env.reset(seed=5)
     core = env.core
     reported = set(core.track_head[0, : core.first[0, -1]].tolist())

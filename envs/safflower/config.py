@@ -9,9 +9,9 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
-from importlib.resources import files
 from math import inf
 
+from ...simulation.assets import asset_path
 from ...simulation.picker_model import PickerParameters
 
 EFFORTS = ("quick", "normal", "thorough")
@@ -94,12 +94,12 @@ class ProcessConfig:
 class PerceptionModel:
     """What the camera reports of a head, as a statistical model (see ``scripts/measure_picker_camera.py``)."""
 
-    recall: tuple[tuple[float, ...], tuple[float, ...]]
+    recall: tuple[tuple[float, ...], ...]
     """Probability that a head is reported, by stage, free and occluded."""
     false_per_stop: float
     """Mean number of reports at a stop that are no head."""
-    bias_m: tuple[float, float, float]
-    sigma_m: tuple[float, float, float]
+    bias_m: tuple[float, ...]
+    sigma_m: tuple[float, ...]
     """Error of the reported position (along, across, up)."""
     stage_confusion: tuple[tuple[float, ...], ...]
     """Row = true stage, column = reported stage, rows sum to 1."""
@@ -116,8 +116,8 @@ class PerceptionModel:
     @lru_cache(maxsize=1)
     def measured(cls) -> PerceptionModel:
         """The fit to rendered images that ships with the package [identified]."""
-        text = files(__package__.rsplit(".", 2)[0]).joinpath("assets/perception/safflower.json").read_text("utf-8")
-        data = json.loads(text)
+        with asset_path("perception/safflower.json") as path:
+            data = json.loads(path.read_text("utf-8"))
         return cls(
             recall=tuple(tuple(row) for row in data["recall"]),
             false_per_stop=data["false_per_stop"],

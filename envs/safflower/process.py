@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..core import Array
 from .config import ProcessConfig
 
 
-def cut_share(process: ProcessConfig, strokes: ArrayLike, error_m: Array, luck: Array) -> Array:
+def cut_share(process: ProcessConfig, strokes: Array | int, error_m: Array, luck: Array) -> Array:
     """Share of a head's filaments that the strokes cut.
 
     Every stroke cuts the same share of what is left; the share falls off as a Gaussian with the tool's error, and
@@ -27,12 +26,12 @@ def cut_share(process: ProcessConfig, strokes: ArrayLike, error_m: Array, luck: 
     square = error_m * error_m
     radial_square = square[..., 0] + square[..., 1]
     off = radial_square * (-0.5 / process.cut_radius_m**2) + square[..., 2] * (-0.5 / process.cut_height_m**2)
-    uncut = (1.0 - process.stroke_cut * np.exp(off)) ** strokes
+    uncut = np.power(1.0 - process.stroke_cut * np.exp(off), strokes)
     share = _lucky(1.0 - uncut, process.luck_logit * luck)
     return share * (radial_square <= process.capture_radius_m**2)
 
 
-def collected_share(process: ProcessConfig, suction_s: ArrayLike, luck: Array) -> Array:
+def collected_share(process: ProcessConfig, suction_s: Array | float, luck: Array) -> Array:
     """Share of the cut filaments that reaches the box; the rest drops. Shapes (...)."""
     dropped = process.suction_loss * np.exp(np.negative(suction_s) / process.suction_decay_s)
     return _lucky(1.0 - dropped, process.luck_logit * luck)

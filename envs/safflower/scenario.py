@@ -102,7 +102,7 @@ class _Block:
 
 
 @lru_cache(maxsize=32)
-def _count_table(scenario: ScenarioConfig) -> Array:
+def _count_table(scenario: ScenarioConfig) -> NDArray[np.floating]:
     """Cumulative probabilities of 0, 1, ... heads on a plant."""
     counts = np.arange(scenario.max_heads)
     if scenario.dispersion == 0.0:
@@ -132,7 +132,7 @@ def reach_table(bar: FiveBar) -> tuple[Array, Array]:
 def stop_centres(scenario: ScenarioConfig) -> Array:
     """Middle of every stop's window along the row, shape (S,), metres."""
     offset = 0.0 if scenario.potted else 0.5 * scenario.window_m
-    return offset + scenario.window_m * np.arange(scenario.stops)
+    return offset + scenario.window_m * np.arange(scenario.stops, dtype=np.float64)
 
 
 def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[Heads, Plants]:
