@@ -25,10 +25,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
 from fieldgym.mechanisms import ThreeUPSRPU
 from fieldgym.mechanisms.three_ups_rpu import WEEDING_BOX
 from fieldgym.mechanisms.three_ups_rpu_geometry import leg_distances
-from numpy.typing import NDArray
 
 MAX_STROKE_RATIO = 2.0
 MAX_TILT_DEG = 50.0

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def box_grid(*counts: int) -> np.ndarray:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
 
 
-def derivative(function, at: np.ndarray, step: float = 2e-3) -> np.ndarray:
+def derivative(function: Callable[[float], np.ndarray], at: float, step: float = 2e-3) -> np.ndarray:
     """Fourth-order central difference of a function of time."""
     ahead = function(at + step) - function(at - step)
     return (8.0 * ahead - function(at + 2 * step) + function(at - 2 * step)) / (12.0 * step)
@@ -233,8 +234,8 @@ def test_forward_stays_on_the_seeds_side_of_the_singular_set() -> None:
     kept = found.converged
     assert 100 < kept.sum() < 400
     np.testing.assert_allclose(machine.inverse(found.pose[kept]), machine.inverse(goals)[kept], atol=1e-12)
-    sides = [np.sign(machine.singularity(poses[kept]).determinant) for poses in (seeds, found.pose)]
-    np.testing.assert_array_equal(*sides)
+    before, after = (np.sign(machine.singularity(poses[kept]).determinant) for poses in (seeds, found.pose))
+    np.testing.assert_array_equal(before, after)
     level = np.array([rng.uniform(-0.1, 0.1), 0.6, 0.0, 0.0])
     assert not machine.forward(machine.inverse(level), level).converged
 
@@ -275,7 +276,7 @@ def test_beyond_a_limit(limit: str, pose: list[float]) -> None:
     assert np.all(np.isfinite(machine.inverse(pose)))
     broken = [name for name, margin in margins.items() if margin < 0.0]
     with pytest.raises(UnreachablePoseError) as caught:
-        machine.inverse([machine.home_pose, pose], strict=True)
+        machine.inverse(np.stack([machine.home_pose, pose]), strict=True)
     assert caught.value.limit == broken[0] and caught.value.index == (1,)
     assert caught.value.margin == margins[broken[0]]
 

@@ -34,6 +34,12 @@ def view(points: Array, turn_deg: float = -68.0, tilt_deg: float = 22.0) -> tupl
     return 1e3 * (points @ right), 1e3 * (points @ up)
 
 
+def write(axes: Axes, point: Array, text: str, style: str = "normal") -> None:
+    """A name centred on a point."""
+    x, y = view(point)
+    axes.text(float(x), float(y), text, ha="center", va="center", style=style)
+
+
 def plate(axes: Axes, centre: Array, rotation: Array, joints: Array, name: str) -> None:
     """The circle of a ring of joints and its frame."""
     angles = np.linspace(0.0, 2.0 * np.pi, 121)
@@ -47,9 +53,7 @@ def plate(axes: Axes, centre: Array, rotation: Array, joints: Array, name: str) 
         end = centre + length * axis
         (x0, x1), (y0, y1) = view(np.stack([centre, end]))
         axes.annotate("", (x1, y1), (x0, y0), arrowprops={"arrowstyle": "-|>", "color": "0.15", "lw": 1.1})
-        axes.text(
-            *(float(v) for v in view(centre + (length + 0.03) * axis)), letter, ha="center", va="center", style="italic"
-        )
+        write(axes, centre + (length + 0.03) * axis, letter, style="italic")
     x, y = view(centre)
     axes.text(float(x) - 14.0, float(y) - 22.0, name, ha="right", style="italic")
 
@@ -77,11 +81,11 @@ def posed(axes: Axes, machine: ThreeUPSRPU, pose: list[float], title: str) -> No
     along = np.array([0.0, 0.11, 0.0])
     pin = np.stack([pivot - along, pivot + along])
     axes.plot(*view(pin), color=COLOURS[3], lw=1.0, ls="-.")
-    axes.text(*(float(v) for v in view(pin[0] - 0.3 * along)), "$n_5$", ha="center", va="center")
+    write(axes, pin[0] - 0.3 * along, "$n_5$")
     couple = machine.jacobian(pose)[5, 3:]
     stick = np.stack([wrist, wrist + 0.17 * couple])
     axes.plot(*view(stick), color=COLOURS[3], lw=1.0, ls="-.")
-    axes.text(*(float(v) for v in view(wrist + 0.20 * couple)), "$n_6$", ha="center", va="center")
+    write(axes, wrist + 0.20 * couple, "$n_6$")
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.set_title(title)
