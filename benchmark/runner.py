@@ -106,7 +106,8 @@ def run_suite(
             for record in records:
                 if "error" in record:
                     failures.append(record)
-                results.append(record)
+                with _ctrl_c_waits():
+                    results.append(record)
                 on_record(record)
     except KeyboardInterrupt:
         raise InterruptedRunError(len(results.finished(episodes)), len(episodes)) from None
@@ -154,7 +155,7 @@ def _until_a_worker_dies(
         try:
             while waiting or under_way:
                 while waiting and len(under_way) < 2 * jobs:
-                    with _workers_ignore_ctrl_c():
+                    with _ctrl_c_waits():  # workers inherit the block and keep it
                         under_way[pool.submit(_work, run, waiting[0])] = waiting[0]
                     waiting.popleft()
                 finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
@@ -170,8 +171,8 @@ def _until_a_worker_dies(
 
 
 @contextmanager
-def _workers_ignore_ctrl_c() -> Iterator[None]:
-    """Start processes with Ctrl-C blocked: a child inherits the mask, and here it waits until the block is lifted."""
+def _ctrl_c_waits() -> Iterator[None]:
+    """Hold Ctrl-C back until the block is left: what is done here is done whole."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
