@@ -33,5 +33,29 @@ def segment_distance(a: Array, b: Array, c: Array, d: Array, axis: int = -1) -> 
     return np.sqrt(_dot(apart, apart, axis))
 
 
+def line_distance(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Length of the common normal of the infinite lines through ab and cd in space.
+
+    It is no clearance of bars: it vanishes wherever the lines meet, even far beyond the bars' ends.
+
+    Args:
+        a: first point of the first line, shape (..., 3); ``b`` is its second.
+        b: see ``a``.
+        c: first point of the second line, shape (..., 3); ``d`` is its second.
+        d: see ``c``.
+
+    Returns:
+        Distances in metres, shape (...).
+    """
+    u, v, w = b - a, d - c, c - a
+    normal = np.cross(u, v)
+    length = np.sqrt(_dot(normal, normal, -1))
+    parallel = length <= 1e-12 * np.sqrt(_dot(u, u, -1) * _dot(v, v, -1))
+    across = np.cross(w, u)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = np.sqrt(_dot(across, across, -1) / _dot(u, u, -1))
+        return np.where(parallel, apart, np.abs(_dot(w, normal, -1)) / length)
+
+
 def _dot(a: Array, b: Array, axis: int) -> Array:
     return np.sum(a * b, axis=axis)

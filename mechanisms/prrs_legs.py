@@ -156,15 +156,11 @@ def platform_lock(arm: Array, free: Array, side_m: float) -> Array:
     return determinant / (side_m**3 * _LOCK_AT_HOME)
 
 
-def clearances(legs: Legs) -> tuple[Array, Array, Array]:
-    """Distances (n) in metres between the links 1-2, 2-3 and 3-1, as segments."""
+def clearances(legs: Legs) -> Array:
+    """Distances (3, n) in metres between the links 1-2, 2-3 and 3-1, as segments."""
     a = legs.arm
     g = legs.arm - legs.link
-
-    def between(i: int, j: int) -> Array:
-        return segment_distance(g[:, i], a[:, i], g[:, j], a[:, j], axis=0)
-
-    return between(0, 1), between(1, 2), between(2, 0)
+    return segment_distance(g, a, np.roll(g, -1, axis=1), np.roll(a, -1, axis=1), axis=0)
 
 
 def cone_angles(legs: Legs, link_m: float) -> Array:
