@@ -1,0 +1,118 @@
+"""Orientations as unit quaternions (w, x, y, z), batched over leading axes: the turning half of a motion in space."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+_SMALL_RAD = 1e-6
+"""Below this half angle sin(s a) / sin(a) is s to the last digit."""
+
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+"""No rotation."""
+
+
+def tilted(tilt: ArrayLike, azimuth: ArrayLike, yaw: ArrayLike) -> Array:
+    """Quaternions (..., 4) of a yaw about z followed by a tilt: the z axis leans by ``tilt`` towards ``azimuth``.
+
+    Args:
+        tilt: (...), rad.
+        azimuth: (...), rad, direction in the horizontal plane.
+        yaw: (...), rad.
+    """
+    half_tilt, turn = 0.5 * np.asarray(tilt, dtype=np.float64), np.asarray(azimuth, dtype=np.float64)
+    half_yaw = 0.5 * np.asarray(yaw, dtype=np.float64)
+    half_tilt, turn, half_yaw = (np.ascontiguousarray(part) for part in np.broadcast_arrays(half_tilt, turn, half_yaw))
+    ct, st, cy, sy = np.cos(half_tilt), np.sin(half_tilt), np.cos(half_yaw), np.sin(half_yaw)
+    # (ct, -st sin a, st cos a, 0) times (cy, 0, 0, sy), with the angle sum written out.
+    x, y = -st * np.sin(turn), st * np.cos(turn)
+    return np.stack([ct * cy, x * cy + y * sy, y * cy - x * sy, ct * sy], axis=-1)
+
+
+def product(first: Array, second: Array) -> Array:
+    """``second`` followed by ``first``: the Hamilton product (..., 4)."""
+    w, x, y, z = (first[..., i] for i in range(4))
+    a, b, c, d = (second[..., i] for i in range(4))
+    return np.stack(
+        [w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c, w * c - x * d + y * a + z * b,
+         w * d + x * c - y * b + z * a],
+        axis=-1,
+    )  # fmt: skip
+
+
+def conjugate(quaternion: Array) -> Array:
+    """The opposite rotation (..., 4)."""
+    return quaternion * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def angle_between(first: Array, second: Array) -> Array:
+    """Smallest angle (...) in rad that turns one orientation into the other."""
+    difference = product(conjugate(first), second)
+    sine = np.sqrt(np.sum(difference[..., 1:] ** 2, axis=-1))
+    return 2.0 * np.arctan2(sine, np.abs(difference[..., 0]))
+
+
+def slerp(first: Array, second: Array, share: ArrayLike) -> Array:
+    """The shortest turn on SO(3): from ``first`` (share 0) to ``second`` (share 1) about one fixed axis.
+
+    Args:
+        first: (..., 4).
+        second: (..., 4).
+        share: (...), part of the angle that has been turned; along a motion law it is the law's shape.
+
+    Returns:
+        Unit quaternions (..., 4).
+    """
+    part = np.asarray(share, dtype=np.float64)[..., None]
+    dot = np.sum(first * second, axis=-1, keepdims=True)
+    second = np.where(dot < 0.0, -second, second)
+    half = 0.5 * angle_between(first, second)[..., None]
+    sine = np.sin(half)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a = np.where(half > _SMALL_RAD, np.sin((1.0 - part) * half) / sine, 1.0 - part)
+        b = np.where(half > _SMALL_RAD, np.sin(part * half) / sine, part)
+    result = a * first + b * second
+    return result / np.sqrt(np.sum(result * result, axis=-1, keepdims=True))
+
+
+def axes(quaternion: Array) -> Array:
+    """Rotation matrices (..., 3, 3), columns x, y, z of the turned frame."""
+    w, x, y, z = (quaternion[..., i] for i in range(4))
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def from_axes(matrix: Array) -> Array:
+    """Quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3); Shepperd's choice of the largest component."""
+    m = np.asarray(matrix, dtype=np.float64)
+    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    a, b, c = m[..., 2, 1], m[..., 0, 2], m[..., 1, 0]
+    d, e, f = m[..., 1, 2], m[..., 2, 0], m[..., 0, 1]
+    candidates = np.stack(
+        [
+            np.stack([1.0 + xx + yy + zz, a - d, b - e, c - f], axis=-1),
+            np.stack([a - d, 1.0 + xx - yy - zz, c + f, b + e], axis=-1),
+            np.stack([b - e, c + f, 1.0 - xx + yy - zz, a + d], axis=-1),
+            np.stack([c - f, b + e, a + d, 1.0 - xx - yy + zz], axis=-1),
+        ],
+        axis=-2,
+    )
+    best = np.stack([xx + yy + zz, xx, yy, zz], axis=-1).argmax(axis=-1)
+    chosen = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
+    chosen = chosen / np.sqrt(np.sum(chosen * chosen, axis=-1, keepdims=True))
+    return np.where(chosen[..., :1] < 0.0, -chosen, chosen)
+
+
+def euler_angles(quaternion: Array) -> Array:
+    """(alpha, beta, gamma), shape (..., 3), of Rz(gamma) Ry(beta) Rx(alpha): the angles of a mechanism's pose."""
+    w, x, y, z = (quaternion[..., i] for i in range(4))
+    alpha = np.arctan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
+    beta = np.arcsin(np.clip(2.0 * (w * y - x * z), -1.0, 1.0))
+    gamma = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    return np.stack([alpha, beta, gamma], axis=-1)
