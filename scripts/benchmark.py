@@ -53,7 +53,8 @@ def main(
         rows = tables.summarise(report.records, wanted.cases)
         for table in tables.terminal_tables(rows, console.width):
             console.print(table)
-        console.print(tables.legend(rows), style="dim", highlight=False)
+        if rows:
+            console.print(tables.legend(rows), style="dim", highlight=False)
         written = tables.write(rows, folder)
     except store.ResultsError as error:
         raise CommandError(str(error)) from None
