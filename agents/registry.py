@@ -24,8 +24,25 @@ def _safflower() -> dict[str, Factory]:
     }
 
 
-_POLICIES: dict[str, Callable[[], dict[str, Factory]]] = {"fieldgym/SafflowerPicking-v0": _safflower}
-_REFERENCES = {"fieldgym/SafflowerPicking-v0": "fixed-order"}
+def _transplanting() -> dict[str, Factory]:
+    from . import transplanting as rules
+
+    return {
+        "random": lambda config, seed: RandomPolicy(seed),
+        "fixed-order": lambda config, seed: rules.FixedOrder(config),
+        "fixed-order-speed": lambda config, seed: rules.FixedOrderChosenSpeed(config),
+        "nearest": lambda config, seed: rules.Nearest(config),
+        "shortest-cycle": lambda config, seed: rules.ShortestCycle(config),
+        "assignment": lambda config, seed: rules.Assignment(config),
+        "2-opt": lambda config, seed: rules.TwoOpt(config),
+    }
+
+
+_POLICIES: dict[str, Callable[[], dict[str, Factory]]] = {
+    "fieldgym/SafflowerPicking-v0": _safflower,
+    "fieldgym/TrayTransplanting-v0": _transplanting,
+}
+_REFERENCES = {"fieldgym/SafflowerPicking-v0": "fixed-order", "fieldgym/TrayTransplanting-v0": "fixed-order"}
 
 
 def policy_names(env_id: str) -> tuple[str, ...]:

@@ -39,6 +39,19 @@ TASKS = (
         entry_point="fieldgym.envs.safflower.env:SafflowerPickingEnv",
         vector_entry_point="fieldgym.envs.safflower.env:SafflowerPickingVectorEnv",
     ),
+    TaskDescription(
+        id="fieldgym/TrayTransplanting-v0",
+        machine="translational five-bar with a plug gripper over two indexed conveyors",
+        paper="Qi, Hu, Ma, Zhang, CCTA 2011, 10.1007/978-3-642-27275-2_11",
+        decision="which seedling into which cell, how gently, when to index",
+        actions="Discrete(3 K + 2): pair x (gentle, normal, fast), index the source, or index the target",
+        scenarios=("fill-low", "fill", "fill-high", "replug-low", "replug", "replug-high"),
+        headline_scenario="fill",
+        backends=("pybullet", "analytic"),
+        perceptions=("perfect", "model", "camera"),
+        entry_point="fieldgym.envs.transplanting.env:TrayTransplantingEnv",
+        vector_entry_point="fieldgym.envs.transplanting.env:TrayTransplantingVectorEnv",
+    ),
 )
 
 ENV_IDS = tuple(task.id for task in TASKS)

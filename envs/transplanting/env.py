@@ -1,0 +1,145 @@
+"""The Gymnasium environments of the tray transplanter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from gymnasium.vector import AutoresetMode
+
+from ..core import BACKENDS, PERCEPTIONS, choice
+from ..single import TaskEnv
+from ..vector import TaskVectorEnv
+from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, TransplantingConfig, tray
+from .executor import AnalyticTransplanter
+from .task import TransplantingCore, TransplantOutcome, TransplantPlan
+
+
+class TrayTransplantingEnv(TaskEnv[TransplantPlan, TransplantOutcome]):
+    """Move plug seedlings between trays with a planar parallel arm (``fieldgym/TrayTransplanting-v0``).
+
+    A two-degree-of-freedom translational five-bar (Qi et al., CCTA 2011) works over two conveyors side by side. The
+    left one presents a supply tray, the right one a target tray, each with one of its short rows under the arm. A
+    pneumatic gripper pulls a plug out of a source cell, carries it over a gate path and sets it into a target cell; a
+    conveyor moves its tray on by a row, or to the next tray. In the ``fill`` scenarios the target trays come empty, in
+    the ``replug`` ones planted, with gaps and with poor seedlings that must be taken out first. The episode ends when
+    the last target row leaves; it is truncated at the scenario's time limit.
+
+    **Action**, ``Discrete(3 K + 2)``: ``pair * 3 + speed`` with ``pair = source column * target columns + target
+    column`` and speed 0 gentle, 1 normal, 2 fast: the acceleration limit with a plug in the gripper, against the chance
+    to lose or damage it. ``3 K`` moves the source conveyor on, ``3 K + 1`` the target conveyor. K is the number of
+    pairs of the presented rows: the arm's window of 600 mm holds two trays of 540 x 280 mm only with their short sides
+    across, so rows have 5 to 12 cells and every pair is an action. Pairs whose source cell is reported empty or whose
+    target cell is reported healthy are masked; a target cell reported poor is cleared into the chute between the trays
+    first. An illegal action does nothing, costs one second and is counted.
+
+    **Observation**, a ``Dict`` of float32 boxes scaled to order one:
+
+    - ``machine`` (7,): ``place`` of the tool across / 0.3 m, ``down`` whether it is in a cell, ``time`` / time limit,
+      ``source_rows`` left in the supply / all, ``target_rows`` left / all, ``ready`` source cells reported planted /
+      columns, ``gaps`` target cells reported empty or poor / columns.
+    - ``candidates`` (K x 7,), a table in pair order (``candidate_table`` gives it its two axes), rows of impossible
+      pairs zero: ``present``, ``source`` and ``target`` place across / 0.3 m, ``carry`` seconds at normal speed,
+      ``approach`` seconds until the tool is at the source cell (with the clearing, without gripping), ``source_poor``
+      and ``clear`` whether the cells are reported poor.
+    - ``action_mask`` (3 K + 2,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
+
+    **Reward**: the sum of ``info["rewards"]``, in cells: ``planted`` healthy target cells gained or destroyed,
+    ``spoiled`` healthy seedlings torn, lost, damaged or sent away with their row (-0.2 each), ``time`` (-0.2 a second).
+
+    **Score**: ``info["scorecard"]``: ``net_rate`` = target cells that hold a healthy seedling / all target cells,
+    ``cycle_time_s`` = time until the last success / seedlings planted, ``throughput_per_min``, phases, ``filled`` =
+    share of the gaps that were closed, ``travel_m``, and what was damaged (torn, hurt or crushed), lost, wasted.
+
+    Args:
+        scenario: ``"fill-low"``, ``"fill"``, ``"fill-high"``, ``"replug-low"``, ``"replug"`` or ``"replug-high"``.
+        backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
+        perception: ``"camera"`` renders and classifies images, ``"model"`` draws from confusion matrices measured on
+            such images, ``"perfect"`` reports every cell as it is. Default: camera with PyBullet, model with the
+            analytic backend.
+        motion: how gates are carried out: ``"stop-quintic"``, ``"stop-septic"``, ``"stop-fastest"``, ``"blended"`` or
+            ``"time-optimal"``.
+        source_tray: cells of the supply trays: 72, 128, 200 or 288.
+        target_tray: cells of the target trays: 50 or 72.
+        config: every number of the task; the arguments above replace its own.
+        render_mode: ``"rgb_array"``, ``"human"`` or None.
+
+    Raises:
+        ValueError: an argument is unknown or out of range; the message says what is allowed.
+    """
+
+    def __init__(
+        self,
+        scenario: str | None = None,
+        backend: str = "pybullet",
+        perception: str | None = None,
+        motion: str | None = None,
+        source_tray: int | None = None,
+        target_tray: int | None = None,
+        config: TransplantingConfig | None = None,
+        render_mode: str | None = None,
+    ):
+        """Build the rules, the executor and, where asked for, the scene."""
+        config = configured(config, scenario, motion, source_tray, target_tray)
+        choice("backend", backend, BACKENDS)
+        perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
+        core = TransplantingCore(config, perception_model(perception))
+        super().__init__(core, AnalyticTransplanter(), None, render_mode)
+
+
+class TrayTransplantingVectorEnv(TaskVectorEnv[TransplantPlan, TransplantOutcome]):
+    """``num_envs`` worlds of ``fieldgym/TrayTransplanting-v0`` in one batch, with the analytic backend.
+
+    Args as in ``TrayTransplantingEnv`` and ``TaskVectorEnv``. PyBullet machines run one a process: use
+    ``vectorization_mode="async"`` for those.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenario: str | None = None,
+        backend: str = "analytic",
+        perception: str | None = None,
+        motion: str | None = None,
+        source_tray: int | None = None,
+        target_tray: int | None = None,
+        config: TransplantingConfig | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+    ):
+        """Build the rules for all worlds."""
+        if choice("backend", backend, BACKENDS) != "analytic":
+            raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
+        if choice("perception", perception or "model", PERCEPTIONS) == "camera":
+            raise ValueError('perception = \'camera\' is not batched: use "model", or vectorization_mode="async"')
+        if render_mode is not None:
+            raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
+        config = configured(config, scenario, motion, source_tray, target_tray)
+        core = TransplantingCore(config, perception_model(perception or "model"), num_envs)
+        super().__init__(core, AnalyticTransplanter(), autoreset_mode)
+
+
+def configured(
+    config: TransplantingConfig | None,
+    scenario: str | None = None,
+    motion: str | None = None,
+    source_tray: int | None = None,
+    target_tray: int | None = None,
+) -> TransplantingConfig:
+    """The configuration with a named scenario, a motion and preset trays put in."""
+    config = config or TransplantingConfig()
+    work = config.scenario if scenario is None else SCENARIOS[choice("scenario", scenario, tuple(SCENARIOS))]
+    changes: dict[str, Any] = {}
+    if source_tray is not None:
+        changes["source"] = tray(source_tray, SOURCE_TRAYS, "source_tray")
+    if target_tray is not None:
+        changes["target"] = tray(target_tray, TARGET_TRAYS, "target_tray")
+    machine = config.machine if motion is None else replace(config.machine, motion=motion)
+    return replace(config, scenario=replace(work, **changes), machine=machine)
+
+
+def perception_model(perception: str) -> PerceptionModel | None:
+    """Statistics behind a perception level; None when reports come from a camera."""
+    if perception == "camera":
+        return None
+    return PerceptionModel.perfect() if perception == "perfect" else PerceptionModel.measured()
