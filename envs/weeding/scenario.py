@@ -1,0 +1,306 @@
+"""Draws strips of field: crop plants, weeds, and what the cameras would make of them.
+
+Each world hands over one block of uniform and one of normal numbers for the field and one each for the cameras from
+its own generator; everything else is array arithmetic over the worlds, so a world's strip does not depend on how many
+worlds are drawn beside it, and the field is the same whatever the perception is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ..core import Array
+from .config import CartConfig, PerceptionModel, ScenarioConfig
+
+PAD = 2
+"""Empty places before and after the weeds of a world, so that a weed's neighbours always exist."""
+FAR_M = 1e3
+"""Where what does not exist lies."""
+_MARGIN_M = 0.15
+"""Clusters are centred up to three cluster sigmas outside the strip."""
+
+
+@dataclass(frozen=True)
+class Plants:
+    """True plants of R worlds; what does not exist lies at ``FAR_M``.
+
+    Attributes:
+        weed: (R, N, 2) places along and across, sorted along.
+        exists: (R, N).
+        species: (R, N), index into ``SPECIES``.
+        stage: (R, N), index into ``STAGES``.
+        luck: (R, N), uniform: the rank of the weed's tolerance.
+        look: (R, N), uniform: whatever only looks need (yaw, size).
+        crop: (R, C, 2) places of the crop plants of the middle row, in order; C spans one beyond each end.
+        crop_luck: (R, C), uniform.
+    """
+
+    weed: Array
+    exists: NDArray[np.bool_]
+    species: NDArray[np.int64]
+    stage: NDArray[np.int64]
+    luck: Array
+    look: Array
+    crop: Array
+    crop_luck: Array
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """What the cameras make of R worlds, T slots each, sorted along; empty slots lie at ``FAR_M``.
+
+    Attributes:
+        report: (R, T, 2), place that the machine believes when it aims.
+        aim: (R, T, 2), place that the beam is set on after the tool camera's correction.
+        weed: (R, T), index of the first of the true weeds that may be hit (see ``neighbours``).
+        real: (R, T), whether a weed is behind it.
+        species: (R, T), reported.
+        stage: (R, T), reported.
+        known_m: (R, T), cart position from which on it is known, not counting the delay; ascending.
+        crop_gap_m: (R, T), reported distance to the nearest crop plant.
+        count: (R,).
+    """
+
+    report: Array
+    aim: Array
+    weed: NDArray[np.int64]
+    real: NDArray[np.bool_]
+    species: NDArray[np.int64]
+    stage: NDArray[np.int64]
+    known_m: Array
+    crop_gap_m: Array
+    count: NDArray[np.int64]
+
+
+class _Block:
+    """Hands out columns of the worlds' random blocks in a fixed order."""
+
+    def __init__(self, numbers: Array):
+        self.numbers = numbers
+        self.used = 0
+
+    def take(self, *shape: int) -> Array:
+        count = int(np.prod(shape))
+        part = self.numbers[:, self.used : self.used + count]
+        self.used += count
+        return part.reshape(len(self.numbers), *shape)
+
+
+@lru_cache(maxsize=64)
+def poisson_table(mean: float) -> Array:
+    """Cumulative Poisson probabilities of 0, 1, ... up to where they no longer matter."""
+    slots = int(np.ceil(mean + 5.0 * np.sqrt(mean) + 3.0)) if mean > 0.0 else 0
+    return stats.poisson.cdf(np.arange(slots), mean)
+
+
+def _counts(scenario: ScenarioConfig) -> tuple[Array, Array, Array]:
+    """Tables for the numbers of clusters, of weeds in a cluster, and of the background."""
+    length, width = scenario.strip_m + 2.0 * _MARGIN_M, scenario.band_m + 2.0 * _MARGIN_M
+    area = length * width
+    parents = scenario.clumped * scenario.density_per_m2 / scenario.cluster_size * area
+    background = (1.0 - scenario.clumped) * scenario.density_per_m2 * area
+    return poisson_table(parents), poisson_table(scenario.cluster_size), poisson_table(background)
+
+
+def draw_plants(scenario: ScenarioConfig, uniform: Array, normal: Array) -> Plants:
+    """Grow the strips of R worlds from their random blocks (R, .).
+
+    Weeds are a Thomas process (Poisson cluster centres, Poisson numbers of weeds each, Gaussian places about the
+    centre) over a Poisson background, on an area larger than the band by three cluster sigmas; those outside the
+    band do not exist.
+    """
+    u, z = _Block(uniform), _Block(normal)
+    rows, n = len(uniform), scenario.max_weeds
+    parents, cluster, background = _counts(scenario)
+    low = np.array([-_MARGIN_M, -0.5 * scenario.band_m - _MARGIN_M])
+    size = np.array([scenario.strip_m, scenario.band_m]) + 2.0 * _MARGIN_M
+    centre = low + size * u.take(len(parents), 2)
+    number = np.searchsorted(cluster, u.take(len(parents)), side="right")
+    number *= np.arange(len(parents)) < np.searchsorted(parents, u.take(1), side="right")
+    loose = np.searchsorted(background, u.take(1)[:, 0], side="right")
+    # Weed j of a world belongs to the cluster in whose turn it is; after the clusters comes the background.
+    ends = np.concatenate([np.zeros((rows, 1), np.int64), number.cumsum(axis=1)], axis=1)
+    total = ends[:, -1]
+    limit = _draws(scenario)
+    owner = np.zeros((rows, limit), np.int64)
+    first = ends[:, :-1] + limit * np.arange(rows)[:, None]
+    marks = np.bincount(first[(number > 0) & (ends[:, :-1] < limit)], minlength=rows * limit)
+    which = np.flatnonzero(number.reshape(-1) > 0)
+    begun = marks.cumsum()
+    within = np.arange(limit) < np.minimum(total, limit)[:, None]
+    if len(which):
+        kept = which[(ends[:, :-1].reshape(-1)[which] < limit)]
+        owner = np.where(within, kept[np.maximum(begun - 1, 0)].reshape(rows, limit), 0)
+    place_u, place_z = u.take(limit, 2), z.take(limit, 2)
+    clustered = centre.reshape(-1, 2).take(owner, axis=0) if len(parents) else np.zeros((rows, limit, 2))
+    clustered = clustered + scenario.cluster_sigma_m * place_z
+    place = np.where(within[..., None], clustered, low + size * place_u)
+    there = np.arange(limit) < np.minimum(total + loose, limit)[:, None]
+    there &= (place[..., 0] >= 0.0) & (place[..., 0] <= scenario.strip_m)
+    there &= np.abs(place[..., 1]) <= 0.5 * scenario.band_m
+    order = np.argsort(np.where(there, place[..., 0], FAR_M), axis=1, kind="stable")[:, :n]
+    exists = np.take_along_axis(there, order, axis=1)
+    weed = np.where(exists[..., None], np.take_along_axis(place, order[..., None], axis=1), FAR_M)
+
+    stage_u = u.take(n)
+    limits = np.cumsum(scenario.stage_shares)
+    stage = (stage_u > limits[0]).astype(np.int64) + (stage_u > limits[1])
+    species = (u.take(n) < scenario.grass_share).astype(np.int64)
+    luck, look = u.take(n), u.take(n)
+    crops = scenario.crops
+    crop = np.zeros((rows, crops, 2))
+    crop[..., 0] = scenario.crop_pitch_m * (np.arange(crops) - 0.5)
+    crop += np.asarray(scenario.crop_jitter_m) * np.clip(z.take(crops, 2), -3.0, 3.0)
+    return Plants(weed, exists, species, stage, luck, look, crop, u.take(crops))
+
+
+def _draws(scenario: ScenarioConfig) -> int:
+    """Weeds that are drawn on the enlarged area; beyond five standard deviations nothing is kept."""
+    parents, cluster, background = _counts(scenario)
+    if not len(parents):
+        return len(background)
+    mean = scenario.density_per_m2 * (scenario.strip_m + 2.0 * _MARGIN_M) * (scenario.band_m + 2.0 * _MARGIN_M)
+    # Variance of a cluster process's count: mean times (1 + cluster size) for the clumped part.
+    spread = np.sqrt(mean * (1.0 + scenario.clumped * scenario.cluster_size))
+    return int(np.ceil(mean + 5.0 * spread))
+
+
+def ghost_table(scenario: ScenarioConfig, perception: PerceptionModel) -> Array:
+    """Cumulative probabilities of the number of false tracks."""
+    return poisson_table(perception.false_per_m2 * scenario.strip_m * scenario.band_m)
+
+
+def track_capacity(scenario: ScenarioConfig, perception: PerceptionModel | None) -> int:
+    """Most tracks of a strip."""
+    if perception is None:
+        return 4 * scenario.max_weeds
+    return scenario.max_weeds + scenario.crops + len(ghost_table(scenario, perception))
+
+
+def random_numbers(scenario: ScenarioConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
+    """Lengths of a world's blocks: uniform and normal numbers for the field, then for the cameras."""
+    parents, _, _ = _counts(scenario)
+    n, limit, crops = scenario.max_weeds, _draws(scenario), scenario.crops
+    ghosts = len(ghost_table(scenario, perception))
+    slots = n + crops + ghosts
+    field = 3 * len(parents) + 2 + 2 * limit + 4 * n + crops
+    return field, 2 * limit + 2 * crops, 4 * slots + 1 + 2 * ghosts, 5 * slots + 1
+
+
+def draw_tracks(
+    scenario: ScenarioConfig, cart: CartConfig, perception: PerceptionModel, plants: Plants, uniform: Array, normal: Array
+) -> Tracks:
+    """What the statistical cameras make of R worlds, from random blocks (R, .) of their own."""
+    u, z = _Block(uniform), _Block(normal)
+    rows, n, crops = len(uniform), plants.exists.shape[1], plants.crop.shape[1]
+    table = ghost_table(scenario, perception)
+    ghosts = len(table)
+    ghost_there = np.arange(ghosts) < np.searchsorted(table, u.take(1), side="right")
+    ghost = u.take(ghosts, 2) * [scenario.strip_m, scenario.band_m] - [0.0, 0.5 * scenario.band_m]
+    place = np.concatenate([plants.weed, plants.crop, ghost], axis=1)
+    slots = place.shape[1]
+    recall = np.asarray(perception.recall)[plants.species, plants.stage]
+    gap = nearest_crop(scenario, plants.crop, place)
+    recall = recall * np.where(gap[:, :n] < perception.near_crop_m, perception.recall_near_crop, 1.0)
+    in_strip = (plants.crop[..., 0] >= 0.0) & (plants.crop[..., 0] <= scenario.strip_m)
+    lots = u.take(slots)
+    there = np.concatenate(
+        [
+            plants.exists & (lots[:, :n] < recall),
+            in_strip & (lots[:, n : n + crops] < perception.crop_as_weed),
+            ghost_there,
+        ],
+        axis=1,
+    )
+    # Along the strip the odometry carries a track from the front camera's view to the tool.
+    unseen = cart.unseen_m
+    front = np.asarray(perception.front_bias_m) + np.asarray(perception.front_sigma_m) * z.take(slots, 2)
+    drift = perception.drift_share * z.take(1) + perception.slip_share * z.take(slots)
+    report = place + front
+    report[..., 0] += unseen * drift
+    tool = np.asarray(perception.tool_sigma_m) * z.take(slots, 2)
+    found = u.take(slots) < perception.tool_recall
+    aim = np.where(found[..., None], place + tool, report)
+
+    lots = u.take(2, slots)
+    species = np.zeros((rows, slots), np.int64)
+    stage = np.zeros((rows, slots), np.int64)
+    species[:, :n], stage[:, :n] = plants.species, plants.stage
+    species[:, n:] = (lots[:, 0, n:] > 0.5).astype(np.int64)
+    stage[:, n : n + crops] = 2
+    mixed = np.asarray(perception.species_confusion)[:, 0]
+    named = (lots[:, 0, :n] >= mixed[plants.species]).astype(np.int64)
+    limits = np.cumsum(np.asarray(perception.stage_confusion), axis=1)[:, :-1]
+    species[:, :n] = named
+    stage[:, :n] = sum((lots[:, 1, :n] > limits[:, c][plants.stage]).astype(np.int64) for c in range(limits.shape[1]))
+
+    key = np.where(there, report[..., 0], FAR_M)
+    order = np.argsort(key, axis=1, kind="stable")
+    there = np.take_along_axis(there, order, axis=1)
+
+    def pick(values: Array) -> Array:
+        return np.take_along_axis(values, order, axis=1)
+
+    def pick2(values: Array) -> Array:
+        return np.where(there[..., None], np.take_along_axis(values, order[..., None], axis=1), FAR_M)
+
+    report, aim = pick2(report), pick2(aim)
+    seen = np.maximum.accumulate(report[..., 0], axis=1)
+    return Tracks(
+        report=report,
+        aim=aim,
+        weed=neighbours(plants, aim[..., 0]),
+        real=there & (order < n),
+        species=pick(species),
+        stage=pick(stage),
+        known_m=np.where(there, seen - cart.seen_ahead_m + perception.frames_m, FAR_M),
+        crop_gap_m=pick(gap),
+        count=np.count_nonzero(there, axis=1),
+    )
+
+
+def neighbours(plants: Plants, along_m: Array) -> NDArray[np.int64]:
+    """First of the ``2 PAD + 1`` padded weed indices about places (R, T) along the strip, sorted along or not.
+
+    A weed's index in the padded arrays is its own plus ``PAD``; so the nearest weed along is in the middle.
+    """
+    rows, n = plants.exists.shape
+    result = np.empty(along_m.shape, np.int64)
+    for row in range(rows):
+        weeds = plants.weed[row, :, 0]
+        right = np.searchsorted(weeds, along_m[row])
+        left = np.maximum(right - 1, 0)
+        right = np.minimum(right, n - 1)
+        nearer = along_m[row] - weeds[left] <= weeds[right] - along_m[row]
+        result[row] = np.where(nearer, left, right)
+    return result
+
+
+def nearest_crop(scenario: ScenarioConfig, crop: Array, place: Array) -> Array:
+    """Distance (R, T) from places (R, T, 2) to the nearest crop plant (R, C, 2) of the middle row."""
+    index = crop_index(scenario, place[..., 0], crop.shape[1])
+    best = np.full(place.shape[:-1], np.inf)
+    for step in (-1, 0, 1):
+        near = np.take_along_axis(crop, (index + step)[..., None], axis=1)
+        best = np.minimum(best, np.hypot(near[..., 0] - place[..., 0], near[..., 1] - place[..., 1]))
+    return best
+
+
+def crop_index(scenario: ScenarioConfig, along_m: Array, crops: int) -> NDArray[np.int64]:
+    """Index of the crop plant whose undisturbed place is nearest, with a neighbour on both sides."""
+    return np.clip(np.rint(along_m / scenario.crop_pitch_m + 0.5).astype(np.int64), 1, crops - 2)
+
+
+def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int, int, int]) -> list[Array]:
+    """One block (R, n) for each of ``random_numbers``' lengths; each world draws its own row, the field's first."""
+    rows = [
+        (g.random(lengths[0]), g.standard_normal(lengths[1]), g.random(lengths[2]), g.standard_normal(lengths[3]))
+        for g in generators
+    ]
+    return [np.stack(column) for column in zip(*rows, strict=True)]
