@@ -1,0 +1,304 @@
+"""The tray transplanter in PyBullet: a closed translational five-bar under a fixed portal."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..mechanisms.batching import as_points
+from ..motion import Gate
+from .assets import asset_path
+from .client import PhysicsClient, pybullet
+from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
+from .transplanter_model import (
+    FINGER_STROKE_M,
+    LOOKS_ASSET,
+    PHYSICS_ASSET,
+    TransplanterParameters,
+    transplanter_robot,
+)
+
+Array = NDArray[np.float64]
+
+MOTORS = ("arm1", "arm2")
+JOINTS = ("arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
+LOOKS = ("arm_bar1", "bracket1", "forearm_bar1", "arm_bar2", "bracket2", "forearm_bar2", "needles1", "needles2")
+"""Joints that only a machine with looks has."""
+_DRIVEN = [JOINTS.index(name) for name in MOTORS]
+
+START_TOLERANCE_M = 0.003
+"""How far a commanded trajectory may start from where the machine stands; a jump could flip the five-bar over."""
+
+
+@dataclass(frozen=True)
+class GateReport:
+    """What a motion did. Unless it was measured, the maxima know the state after its last step only.
+
+    Attributes:
+        duration_s: simulated time.
+        final_tool_m: tool (x, y) in the mechanism's plane, (2,).
+        final_error_m: distance of the tool from its command at the end.
+        tracking_error_m: largest distance of the tool from its command.
+        closure_error_m: largest gap in a closed loop.
+        torque_n_m: torques that the motors applied, (steps, 2) when measured, else (1, 2).
+        saturated: which motors were at their limits, (2,) bool.
+        measured: whether every step was looked at.
+    """
+
+    duration_s: float
+    final_tool_m: Array
+    final_error_m: float
+    tracking_error_m: float
+    closure_error_m: float
+    torque_n_m: Array
+    saturated: NDArray[np.bool_]
+    measured: bool
+
+
+class TransplanterMachine:
+    """Two two-link legs and a level platform with a gripper, closed by two point-to-point constraints.
+
+    Tool positions are (x, y) of ``TranslationalFiveBar``. The arm's plane stands across the conveyors at x = 0 of the
+    world: the mechanism's x is the world's y, its y is the height over the motor axes.
+
+    Attributes:
+        parameters: the numbers that it was built from.
+        client: the world that it lives in; it holds nothing else unless it was lent.
+    """
+
+    def __init__(
+        self,
+        parameters: TransplanterParameters | None = None,
+        client: PhysicsClient | None = None,
+        *,
+        looks: bool = False,
+    ) -> None:
+        """Build the machine with its tool in the middle of its window's lower edge.
+
+        Args:
+            parameters: defaults to ``TransplanterParameters()``.
+            client: a world to build in; the machine makes its own, and closes it, where this is left out.
+            looks: build the machine that is only placed, with everything that can be seen, instead of the one that is
+                stepped.
+        """
+        self.parameters = parameters or TransplanterParameters()
+        self._owns_client = client is None
+        self.client = client or PhysicsClient(self.parameters.physics_hz)
+        self._open, self._looks = True, looks
+        p = self.parameters
+        closures = [
+            Closure(f"forearm{leg}", (0.0, p.arm.forearm_m, 0.0), "platform", (0.0, side * p.half_platform_m, 0.0))
+            for leg, side in ((1, 1.0), (2, -1.0))
+        ]
+        motors = [Motor(name, p.torque_limit_n_m) for name in MOTORS]
+        with _urdf_file(p, looks) as path:
+            self._machine = ClosedLoopMachine(
+                self.client, [Body("transplanter", path)], [] if looks else closures, motors, visuals=looks
+            )
+        names = JOINTS + (LOOKS if looks else ())
+        self._order = [names.index(name) for name in self._machine.joints]
+        self._payload_kg = 0.0
+        joints = range(pybullet.getNumJoints(self.body_id, physicsClientId=self.client.id))
+        infos = [pybullet.getJointInfo(self.body_id, joint, physicsClientId=self.client.id) for joint in joints]
+        self._platform = next(info[0] for info in infos if info[12] == b"platform")
+        (left, bottom), (right, _) = p.arm.window_m
+        self.reset([0.5 * (left + right), bottom])
+
+    @property
+    def body_id(self) -> int:
+        """PyBullet's number of the machine's body."""
+        return self._machine.body_ids["transplanter"]
+
+    def place(self, tool: ArrayLike, opening: float = 1.0) -> None:
+        """Put all joints where the kinematics says, at rest, without stepping: for rendering.
+
+        Args:
+            tool: (2,), metres.
+            opening: of the gripper's needles, 0 closed, 1 open.
+
+        Raises:
+            UnreachablePoseError: the tool position is beyond the reach of a leg.
+        """
+        joints = self._joints(as_points(tool, 2, "tool").reshape(1, 2))[0]
+        if self._looks:
+            (arm1, forearm1, arm2, forearm2) = joints[:4]
+            chain = [arm1, -arm1, arm1 + forearm1, arm2, -arm2, arm2 + forearm2]
+            joints = np.concatenate([joints, chain, [FINGER_STROKE_M * opening] * 2])
+        self._machine.reset(joints[self._order])
+
+    def reset(self, tool: ArrayLike) -> None:
+        """``place`` the machine and have its motors hold it there."""
+        self.place(tool)
+        self._machine.hold(self._joints(as_points(tool, 2, "tool").reshape(1, 2))[0, _DRIVEN])
+
+    def carry(self, payload_kg: float) -> None:
+        """Change what the gripper holds; it counts as a point on the platform.
+
+        Raises:
+            ValueError: the mass is negative.
+        """
+        if not payload_kg >= 0.0:
+            raise ValueError(f"payload_kg = {payload_kg}: give a mass >= 0")
+        if payload_kg == self._payload_kg:
+            return
+        masses = self.parameters.arm.masses
+        assert masses is not None
+        link = self._platform
+        info = pybullet.getDynamicsInfo(self.body_id, link, physicsClientId=self.client.id)
+        pybullet.changeDynamics(
+            self.body_id,
+            link,
+            mass=masses.platform_kg + payload_kg,
+            localInertiaDiagonal=info[2],
+            physicsClientId=self.client.id,
+        )
+        self._payload_kg = payload_kg
+
+    def run(
+        self, tool: ArrayLike, on_step: Callable[[int], None] | None = None, *, measure: bool = False
+    ) -> GateReport:
+        """Drive the machine along a trajectory that is sampled at ``physics_hz`` and starts where it stands.
+
+        Args:
+            tool: (n, 2), metres; n - 1 steps are simulated.
+            on_step: called after every step with the number of the row that was reached.
+            measure: look at every step instead of the last one; several times slower.
+
+        Raises:
+            ValueError: shapes do not fit, the first row is elsewhere, the client runs at another rate, or this machine
+                is only for looks.
+            UnreachablePoseError: a row is beyond the reach of a leg.
+        """
+        tools = self._trajectory(tool)
+        targets = self._joints(tools)[:, _DRIVEN]
+        jump = float(np.linalg.norm(tools[0] - self.tool()))
+        if jump > START_TOLERANCE_M:
+            raise ValueError(
+                f"the trajectory starts {1e3 * jump:.1f} mm from where the tool stands; at most "
+                f"{1e3 * START_TOLERANCE_M:.0f} mm is allowed: start at the last commanded position or call reset()"
+            )
+        tracking, closure = [0.0], [0.0]
+        torques: list[Array] = []
+
+        def look(row: int) -> None:
+            tracking.append(float(np.linalg.norm(self.tool() - tools[row])))
+            closure.append(self._machine.closure_error_m())
+            torques.append(self._machine.motor_efforts())
+
+        def watch(row: int) -> None:
+            look(row)
+            if on_step is not None:
+                on_step(row)
+
+        self._machine.follow(targets, watch if measure else on_step)
+        last = len(tools) - 1
+        if not measure or last == 0:
+            look(last)
+        reached = self.tool()
+        efforts = np.array(torques)
+        return GateReport(
+            duration_s=last * self.client.step_s,
+            final_tool_m=reached,
+            final_error_m=float(np.linalg.norm(reached - tools[last])),
+            tracking_error_m=max(tracking),
+            closure_error_m=max(closure),
+            torque_n_m=efforts,
+            saturated=self._machine.saturated(np.abs(efforts).max(axis=0)),
+            measured=measure,
+        )
+
+    def tool(self) -> Array:
+        """Where the tool is in the mechanism's plane, (2,), metres."""
+        point = self._machine.point("platform")
+        return np.array([point[1], point[2] - self.parameters.motor_height_m])
+
+    def close(self) -> None:
+        """Leave the world: close it if it is the machine's own, else remove the bodies. Again does nothing."""
+        if self._open and not self.client.closed:
+            if self._owns_client:
+                self.client.close()
+            else:
+                self._machine.remove()
+        self._open = False
+
+    def __enter__(self) -> TransplanterMachine:
+        """Return the machine itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+        self.close()
+
+    def _trajectory(self, tool: ArrayLike) -> Array:
+        tools = as_points(tool, 2, "tool")
+        if tools.ndim != 2 or len(tools) == 0:
+            raise ValueError(f"tool has shape {tools.shape}: expected (n, 2), n >= 1")
+        if self._looks:
+            raise ValueError("this machine is only for looks: make one without looks=True to step it")
+        if self.client.physics_hz != self.parameters.physics_hz:
+            raise ValueError(
+                f"the client runs at {self.client.physics_hz} Hz, the machine's parameters say "
+                f"{self.parameters.physics_hz} Hz: give TransplanterMachine no client, or one of its own rate"
+            )
+        return tools
+
+    def _joints(self, tools: Array) -> Array:
+        """Joint positions (n, 6) in the order of ``JOINTS``."""
+        arm = self.parameters.arm
+        angles = arm.inverse(tools)
+        if not np.all(np.isfinite(angles)):
+            arm.inverse(tools, strict=True)
+            raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
+        motors = np.array([arm.motor_offset_m, -arm.motor_offset_m])
+        across = tools[:, :1] - motors - arm.arm_m * np.cos(angles)
+        forearm = np.arctan2(tools[:, 1:] - arm.arm_m * np.sin(angles), across)
+        # Any whole turn would do; the nearest keeps the angle continuous along a trajectory.
+        bend = np.mod(forearm - angles + np.pi, 2.0 * np.pi) - np.pi
+        return np.column_stack([angles[:, 0], bend[:, 0], angles[:, 1], bend[:, 1], tools])
+
+
+def full_gate(parameters: TransplanterParameters, gate: Gate) -> tuple[Array, Array, Array]:
+    """The whole published window over a gate at ``physics_hz``: position, velocity, acceleration, (n, 2) each."""
+    (left, bottom), (right, top) = parameters.arm.window_m
+    motion = gate.motion((left, bottom), (right, bottom), top)
+    steps = int(np.ceil(motion.duration_s * parameters.physics_hz))
+    state = motion.sample(np.arange(steps + 1) / parameters.physics_hz)
+    return state.position, state.velocity, state.acceleration
+
+
+def measure_tracking(
+    gate: Gate, parameters: TransplanterParameters | None = None, payload_kg: float = 0.3
+) -> GateReport:
+    """Tracking, closure and motor torques over the whole window with a payload (0.3 kg is published)."""
+    chosen = parameters or TransplanterParameters()
+    positions = full_gate(chosen, gate)[0]
+    with TransplanterMachine(chosen) as machine:
+        machine.reset(positions[0])
+        machine.carry(payload_kg)
+        return machine.run(positions, measure=True)
+
+
+@contextmanager
+def _urdf_file(parameters: TransplanterParameters, looks: bool) -> Iterator[Path]:
+    """The shipped URDF where the parameters are the shipped ones, else one written for the moment."""
+    if parameters == TransplanterParameters():
+        with asset_path(LOOKS_ASSET if looks else PHYSICS_ASSET) as path:
+            yield path
+        return
+    handle, name = tempfile.mkstemp(suffix=".urdf", prefix="fieldgym-transplanter-")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(transplanter_robot(parameters, looks=looks).to_xml())
+        yield Path(name)
+    finally:
+        os.unlink(name)

@@ -1,0 +1,191 @@
+"""The tray transplanter's numbers and its URDFs, generated from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..mechanisms import TranslationalFiveBar
+from .picker_model import ALUMINIUM, DARK, FRAME, ORANGE, STEEL
+from .urdf import Box, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
+
+PHYSICS_ASSET = "urdf/transplanter/transplanter.urdf"
+LOOKS_ASSET = "urdf/transplanter/transplanter_looks.urdf"
+
+_ALONG_X: Vector = (0.0, np.pi / 2, 0.0)
+_ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
+
+_BAR_WIDTH_M, _BAR_DEPTH_M = 0.034, 0.022
+_FOREARM_WIDTH_M = 0.020
+_ARM_CHAIN_M = (0.0, 0.060)
+"""From the driven arm's pins to the pins of the parallel bar beside it (outwards, up): the first parallelogram."""
+_FOREARM_CHAIN_M = (0.055, 0.0)
+"""From the forearm's pins to those of its parallel bar (outwards, up): the second parallelogram."""
+FINGER_STROKE_M = 0.006
+_POST_X_M, _HALF_SPAN_M = -0.10, 0.62
+
+
+@dataclass(frozen=True)
+class TransplanterParameters:
+    """Everything that the transplanter's physics and looks depend on.
+
+    Attributes:
+        arm: geometry and masses (assumed but for the window, see ``TranslationalFiveBar.transplanter``).
+        motor_height_m: motor axes above the ground (assumed: conveyors at working height).
+        half_platform_m: half the distance of the wrists on the platform; the motors stand as much farther out than the
+            mechanism's offset (assumed).
+        gripper_drop_m: needle tips below the wrists (assumed).
+        torque_limit_n_m: each motor behind its gear (assumed: 1.6 times the 56 N m that the fastest gate with the
+            published payload needs).
+        physics_hz: simulation steps a second (assumed; the tracking figures are measured with it).
+    """
+
+    arm: TranslationalFiveBar = field(default_factory=TranslationalFiveBar.transplanter)
+    motor_height_m: float = 1.690
+    half_platform_m: float = 0.045
+    gripper_drop_m: float = 0.250
+    torque_limit_n_m: float = 90.0
+    physics_hz: float = 500.0
+
+    def __post_init__(self) -> None:
+        """Check that every number is positive and finite and that the arm has masses."""
+        for name, value in vars(self).items():
+            if name != "arm" and not 0.0 < value < np.inf:
+                raise ValueError(f"{name} = {value}: give a positive, finite number")
+        if self.arm.masses is None:
+            raise ValueError("arm.masses is None: give LinkMasses(...), or use TranslationalFiveBar.transplanter()")
+
+
+def transplanter_robot(parameters: TransplanterParameters, *, looks: bool = False) -> Robot:
+    """The transplanter as one tree on its fixed frame: two legs of two links, and the platform on its own slides.
+
+    Joint positions are the mechanism's own coordinates: ``arm1`` and ``arm2`` are (theta1, theta2), ``forearm1`` and
+    ``forearm2`` are relative to their arms, ``slide_u`` and ``slide_v`` are the tool (x, y) of the mechanism, which is
+    (y, z) of the world. The slides are passive and stand for the parallelograms: they hold the platform level. The
+    forearms' tips are free; the machine closes them on the platform at run time.
+
+    Args:
+        parameters: the machine's numbers.
+        looks: add the parallelograms' bars and brackets and the gripper's needles as links of their own. They carry no
+            load: a machine of this kind is only placed, never stepped.
+    """
+    arm, height = parameters.arm, parameters.motor_height_m
+    masses = arm.masses
+    assert masses is not None
+    about_x = (1.0, 0.0, 0.0)
+    rotor = masses.rotor_inertia_kg_m2
+    links = [Link("frame", 100.0, _frame_parts(parameters))]
+    joints: list[Joint] = []
+    for leg, side in ((1, 1.0), (2, -1.0)):
+        motor_y = side * (arm.motor_offset_m + parameters.half_platform_m)
+        names = f"arm{leg}", f"forearm{leg}"
+        # Bar and bracket make one body of even density here: the ball has the bracket's share of the volume.
+        bar = Box((_BAR_DEPTH_M, arm.arm_m, _BAR_WIDTH_M))
+        ball = Sphere(float(np.cbrt(0.75 / np.pi * bar.volume_m3 * masses.elbow_kg / masses.arm_kg)))
+        arm_parts = (Part(bar, ORANGE, (0.0, 0.5 * arm.arm_m, 0.0)), Part(ball, DARK, (0.0, arm.arm_m, 0.0)))
+        forearm = Box((0.014, arm.forearm_m, _FOREARM_WIDTH_M))
+        links.append(Link(names[0], masses.arm_kg + masses.elbow_kg, arm_parts, (rotor, rotor, rotor)))
+        links.append(Link(names[1], masses.forearm_kg, (Part(forearm, ALUMINIUM, (0.020, 0.5 * arm.forearm_m, 0.0)),)))
+        joints.append(Joint(names[0], "continuous", "frame", names[0], (0.0, motor_y, height), axis=about_x))
+        joints.append(Joint(names[1], "continuous", names[0], names[1], (0.0, arm.arm_m, 0.0), axis=about_x))
+        if looks:
+            _add_chain(links, joints, parameters, leg, side)
+    # The slide between frame and platform carries no matter of its own: a gram keeps its inertia invertible.
+    links.append(Link("slide", 0.001, (Part(Sphere(0.01), STEEL, visible=False),)))
+    links.append(Link("platform", masses.platform_kg, _platform_parts(parameters)))
+    joints.append(Joint("slide_u", "prismatic", "frame", "slide", (0.0, 0.0, height), axis=(0.0, 1.0, 0.0)))
+    joints.append(Joint("slide_v", "prismatic", "slide", "platform"))
+    if looks:
+        _add_needles(links, joints, parameters)
+    return Robot("tray_transplanter", tuple(links), tuple(joints))
+
+
+def transplanter_assets() -> dict[str, str]:
+    """Text of every URDF that ships for the transplanter, by its path below ``assets/``."""
+    parameters = TransplanterParameters()
+    return {
+        PHYSICS_ASSET: transplanter_robot(parameters).to_xml(),
+        LOOKS_ASSET: transplanter_robot(parameters, looks=True).to_xml(),
+    }
+
+
+def _add_chain(
+    links: list[Link], joints: list[Joint], parameters: TransplanterParameters, leg: int, side: float
+) -> None:
+    """Parallel bars of a leg and the elbow bracket between them, each with its own joint."""
+    arm = parameters.arm
+    about_x = (1.0, 0.0, 0.0)
+    out, up = side * _ARM_CHAIN_M[0], _ARM_CHAIN_M[1]
+    beyond = side * _FOREARM_CHAIN_M[0], _FOREARM_CHAIN_M[1]
+    motor_y = side * (arm.motor_offset_m + parameters.half_platform_m)
+    thin = Box((0.012, arm.arm_m, 0.016))
+    links.append(Link(f"arm_bar{leg}", 0.1, (Part(thin, STEEL, (-0.016, 0.5 * arm.arm_m, 0.0)),)))
+    joints.append(
+        Joint(
+            f"arm_bar{leg}",
+            "continuous",
+            "frame",
+            f"arm_bar{leg}",
+            (0.0, motor_y + out, parameters.motor_height_m + up),
+            axis=about_x,
+        )
+    )
+    width, height = abs(beyond[0]) + 0.024, abs(up) + 0.024
+    bracket = (
+        Part(Box((0.008, 0.026, height)), DARK, (0.014, 0.5 * out, 0.5 * up)),
+        Part(Box((0.008, width, 0.026)), DARK, (0.014, 0.5 * beyond[0], 0.5 * beyond[1])),
+        Part(Cylinder(0.010, 0.050), STEEL, (0.0, 0.0, 0.0), _ALONG_X),
+    )
+    links.append(Link(f"bracket{leg}", 0.1, bracket))
+    joints.append(
+        Joint(f"bracket{leg}", "continuous", f"arm{leg}", f"bracket{leg}", (0.0, arm.arm_m, 0.0), axis=about_x)
+    )
+    rod = Box((0.010, arm.forearm_m, 0.012))
+    links.append(Link(f"forearm_bar{leg}", 0.1, (Part(rod, STEEL, (0.024, 0.5 * arm.forearm_m, 0.0)),)))
+    joints.append(
+        Joint(f"forearm_bar{leg}", "continuous", f"bracket{leg}", f"forearm_bar{leg}", (0.0, *beyond), axis=about_x)
+    )
+
+
+def _add_needles(links: list[Link], joints: list[Joint], parameters: TransplanterParameters) -> None:
+    """Two pairs of needles that close towards each other."""
+    tip = -parameters.gripper_drop_m
+    for number, side in ((1, 1.0), (2, -1.0)):
+        needles = tuple(
+            Part(Box((0.003, 0.003, 0.085)), STEEL, (x, side * 0.010, tip + 0.0425)) for x in (-0.006, 0.006)
+        )
+        holder = Part(Box((0.026, 0.008, 0.020)), ALUMINIUM, (0.0, side * 0.010, tip + 0.090))
+        links.append(Link(f"needles{number}", 0.02, (*needles, holder)))
+        joints.append(Joint(f"needles{number}", "prismatic", "platform", f"needles{number}", axis=(0.0, side, 0.0)))
+
+
+def _platform_parts(parameters: TransplanterParameters) -> tuple[Part, ...]:
+    """Platform between the wrists, the gripper's stem and its pneumatic cylinder."""
+    half, drop = parameters.half_platform_m, parameters.gripper_drop_m
+    width = 2.0 * (half + _FOREARM_CHAIN_M[0]) + 0.03
+    stem = drop - 0.100
+    return (
+        Part(Box((0.030, width, 0.018)), ALUMINIUM, (0.010, 0.0, 0.0)),
+        Part(Cylinder(0.014, stem), DARK, (0.0, 0.0, -0.5 * stem)),
+        Part(Box((0.030, 0.046, 0.022)), ORANGE, (0.0, 0.0, -stem)),
+    )
+
+
+def _frame_parts(parameters: TransplanterParameters) -> tuple[Part, ...]:
+    """The portal that carries the motors over the conveyors."""
+    arm, height = parameters.arm, parameters.motor_height_m
+    top = height + 0.03
+    parts = [
+        Part(Box((0.06, 2.0 * _HALF_SPAN_M, 0.10)), FRAME, (_POST_X_M, 0.0, top)),
+        Part(Box((0.05, 2.0 * _HALF_SPAN_M, 0.05)), FRAME, (_POST_X_M, 0.0, 0.12)),
+    ]
+    for y in (-_HALF_SPAN_M, _HALF_SPAN_M):
+        parts.append(Part(Box((0.06, 0.06, top)), FRAME, (_POST_X_M, y, 0.5 * top)))
+        parts.append(Part(Box((0.60, 0.06, 0.04)), FRAME, (_POST_X_M, y, 0.02)))
+    for side in (-1.0, 1.0):
+        y = side * (arm.motor_offset_m + parameters.half_platform_m)
+        parts.append(Part(Cylinder(0.048, 0.10), DARK, (_POST_X_M - 0.05, y, height), _ALONG_X))
+        parts.append(Part(Cylinder(0.040, 0.05), ALUMINIUM, (-0.045, y, height), _ALONG_X))
+        parts.append(Part(Box((0.008, 0.030, 0.10)), ALUMINIUM, (-0.03, y, height + 0.03)))
+    return tuple(parts)
