@@ -78,7 +78,7 @@ def _print_table(console: Console, result: ChapterResult) -> None:
     }
     table = Table(title=result.title, caption=result.paper, show_lines=True, expand=True)
     for heading, ratio in (("Result and reason", 5), ("Published", 2), ("Computed", 2), ("Verdict", 2)):
-        table.add_column(heading, ratio=ratio)
+        table.add_column(heading, ratio=ratio, min_width=14 if heading == "Verdict" else None)
     for finding in result.findings:
         item, published, computed, corrected, deviation, verdict, why = report.row(finding)
         values = (

@@ -163,13 +163,13 @@ def statement(
 
 
 def undeterminable(
-    item: str, published: float, why: str, *, alternatives: Sequence[float], tolerance: float, unit: str = ""
+    item: str, published: float | str, why: str, *, alternatives: Sequence[float], tolerance: float, unit: str = ""
 ) -> Finding:
     """State that the paper's data admit more than one value.
 
     Args:
         item: what is asked for.
-        published: as printed.
+        published: as printed, or "not printed".
         why: which computation produced the alternatives.
         alternatives: values that fit the paper's data equally well; at least two, further apart than ``tolerance``.
         tolerance: difference below which two values count as the same.
@@ -185,6 +185,5 @@ def undeterminable(
             "determined: compare it with number()"
         )
     spread = f"{low:.6g} to {high:.6g}"
-    return Finding(
-        item, float(published), spread, None, Verdict.NOT_DETERMINABLE, why, unit, tolerance=float(tolerance)
-    )
+    printed = published if isinstance(published, str) else float(published)
+    return Finding(item, printed, spread, None, Verdict.NOT_DETERMINABLE, why, unit, tolerance=float(tolerance))

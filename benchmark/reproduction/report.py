@@ -191,7 +191,8 @@ def _draw(figure: Figure, key: str, out: Path) -> FigureFile:
     folder = out / "figures"
     folder.mkdir(parents=True, exist_ok=True)
     # A fixed salt and no date: the same results give the same files.
-    style: dict[Any, Any] = {"svg.hashsalt": "fieldgym", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "axes.axisbelow": True}
+    style: dict[Any, Any] = {"svg.hashsalt": "fieldgym", "font.size": 9}
+    style |= {"axes.grid": True, "grid.alpha": 0.3, "axes.axisbelow": True}
     with rc_context(style):
         canvas = Canvas(figsize=(7.0, 4.2), layout="constrained")
         FigureCanvasAgg(canvas)
