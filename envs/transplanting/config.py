@@ -164,6 +164,8 @@ class ProcessConfig:
     damage_half_m_s2: float = 85.0
     damage_width_m_s2: float = 11.0
     """Chance that a plug arrives damaged, likewise; 0.2 % gentle, 1 % normal, 9 % fast [assumed]."""
+    plug_kg: float = 0.050
+    """Mass of a seedling with its moist plug [assumed; the published payload limit is 0.3 kg]."""
     reach_m: float = 0.004
     """A gripper farther than this from a cell's middle misses the plug or sets it beside the cell [assumed]."""
     illegal_s: float = 1.0
@@ -171,6 +173,7 @@ class ProcessConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
+        _require(self, 0.0, "plug_kg", high=0.3)
         _require(self, 0.0, "grip_s", "release_s", "reach_m", "illegal_s", "loss_half_m_s2", "damage_half_m_s2")
         _require(self, 1e-3, "loss_width_m_s2", "damage_width_m_s2")
         _require(self, 0.0, "extraction", high=1.0)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from gymnasium.vector import AutoresetMode
 
@@ -11,8 +12,11 @@ from ..core import BACKENDS, PERCEPTIONS, choice
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv
 from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, TransplantingConfig, tray
-from .executor import AnalyticTransplanter
+from .executor import AnalyticTransplanter, PyBulletTransplanter
 from .task import TransplantingCore, TransplantOutcome, TransplantPlan
+
+if TYPE_CHECKING:
+    from .view import TransplantView
 
 
 class TrayTransplantingEnv(TaskEnv[TransplantPlan, TransplantOutcome]):
@@ -84,7 +88,8 @@ class TrayTransplantingEnv(TaskEnv[TransplantPlan, TransplantOutcome]):
         choice("backend", backend, BACKENDS)
         perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
         core = TransplantingCore(config, perception_model(perception))
-        super().__init__(core, AnalyticTransplanter(), None, render_mode)
+        executor = AnalyticTransplanter() if backend == "analytic" else PyBulletTransplanter(core)
+        super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
 
 
 class TrayTransplantingVectorEnv(TaskVectorEnv[TransplantPlan, TransplantOutcome]):
@@ -117,6 +122,13 @@ class TrayTransplantingVectorEnv(TaskVectorEnv[TransplantPlan, TransplantOutcome
         config = configured(config, scenario, motion, source_tray, target_tray)
         core = TransplantingCore(config, perception_model(perception or "model"), num_envs)
         super().__init__(core, AnalyticTransplanter(), autoreset_mode)
+
+
+def _make_view(core: TransplantingCore, window: bool) -> TransplantView:
+    # Rendering and OpenCV load only where something is seen.
+    from .view import TransplantView
+
+    return TransplantView(core, window)
 
 
 def configured(

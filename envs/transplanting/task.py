@@ -142,6 +142,7 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         self.source_row, self.target_row = np.zeros(b, np.int64), np.zeros(b, np.int64)
         self.look_due = np.zeros((b, 2), bool)
         self.place = np.zeros(b, np.int64)
+        self.episode = np.zeros(b, np.int64)
         self.totals = np.zeros((b, 11))
         self.phases_s = np.zeros((b, len(self.phase_names)))
         self.healthy, self.gaps = np.zeros(b), np.zeros(b)
@@ -164,6 +165,7 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
             self.source_reports[rows, :-1], self.target_reports[rows, :-1] = seen
             self.target_reports[rows, -1] = HEALTHY
         self.source_row[rows], self.target_row[rows] = 0, 0
+        self.episode[rows] += 1
         self.place[rows] = self.motions.park
         self.totals[rows], self.phases_s[rows] = 0.0, 0.0
         self.healthy[rows] = np.count_nonzero(field.target == HEALTHY, axis=(1, 2))
@@ -316,6 +318,10 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         source = self.source_reports.reshape(-1, self._n).take(self._source_offset + self.source_row, axis=0)
         target = self.target_reports.reshape(-1, self._m).take(self._target_offset + self.target_row, axis=0)
         return source, target
+
+    def cells_of_pair(self, pair: int) -> tuple[int, int]:
+        """Places of a pair's source and target cell, see ``Motions``."""
+        return int(self._pair_source[pair]), self._n + int(self._pair_target[pair])
 
     def scores(self) -> Array:
         """Scorecard so far; see ``score_names``. The net rate counts every cell of every target tray."""
