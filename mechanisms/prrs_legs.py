@@ -25,6 +25,37 @@ TANGENTIAL = np.array([[0.0, -_HALF_ROOT_THREE, _HALF_ROOT_THREE], [1.0, -0.5, -
 _LOCK_AT_HOME = 2.0 * _HALF_ROOT_THREE**3
 
 
+MARGINS = (
+    *(f"leg{leg}_closure" for leg in (1, 2, 3)),
+    *(f"slider{leg}_lower" for leg in (1, 2, 3)),
+    *(f"slider{leg}_upper" for leg in (1, 2, 3)),
+    *(f"cone{leg}" for leg in (1, 2, 3)),
+    "clearance12",
+    "clearance23",
+    "clearance31",
+    "platform_lock",
+)
+"""Keys of ``ThreePRRS.margins`` in order."""
+
+
+class ThreePRRSChains(NamedTuple):
+    """Every joint of posed 3-PRRS legs; axis -2 counts the legs.
+
+    Attributes:
+        g: centres of the R2 joints on the sliders, (..., 3, 3), metres.
+        a: spherical joints on the platform, (..., 3, 3), metres.
+        u: unit vectors of the R2 axes, (..., 3, 3).
+        swing: angles of the links about R2, from straight down towards outside, (..., 3), rad.
+        joints: (L1, L2, L3, theta1, theta2, theta3), (..., 6).
+    """
+
+    g: Array
+    a: Array
+    u: Array
+    swing: Array
+    joints: Array
+
+
 class Legs(NamedTuple):
     """One set of legs a pose; NaN where a link cannot reach its joint.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +13,11 @@ from .five_bar import Conditioning
 from .linear import apply, singular_values, solve_regular
 from .prrs_forward import solve_swings
 from .prrs_legs import (
+    MARGINS,
     RADIAL,
     TANGENTIAL,
     Legs,
+    ThreePRRSChains,
     clearances,
     cone_angles,
     free_directions,
@@ -28,36 +29,6 @@ from .prrs_legs import (
 from .rotations import euler_from_rotation, euler_rate_map, rotation_from_euler
 from .spatial_workspace import Reachable, SpatialMethod, SpatialWorkspace, spatial_workspace
 from .three_ups_rpu_forward import ForwardResult
-
-MARGINS = (
-    *(f"leg{leg}_closure" for leg in (1, 2, 3)),
-    *(f"slider{leg}_lower" for leg in (1, 2, 3)),
-    *(f"slider{leg}_upper" for leg in (1, 2, 3)),
-    *(f"cone{leg}" for leg in (1, 2, 3)),
-    "clearance12",
-    "clearance23",
-    "clearance31",
-    "platform_lock",
-)
-"""Keys of ``ThreePRRS.margins`` in order."""
-
-
-class ThreePRRSChains(NamedTuple):
-    """Every joint of posed 3-PRRS legs; axis -2 counts the legs.
-
-    Attributes:
-        g: centres of the R2 joints on the sliders, (..., 3, 3), metres.
-        a: spherical joints on the platform, (..., 3, 3), metres.
-        u: unit vectors of the R2 axes, (..., 3, 3).
-        swing: angles of the links about R2, from straight down towards outside, (..., 3), rad.
-        joints: (L1, L2, L3, theta1, theta2, theta3), (..., 6).
-    """
-
-    g: Array
-    a: Array
-    u: Array
-    swing: Array
-    joints: Array
 
 
 @dataclass(frozen=True)

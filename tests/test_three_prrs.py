@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldgym.mechanisms import ThreePRRS, UnreachablePoseError
-from fieldgym.mechanisms.prrs_legs import LEG_ANGLES_RAD
+from fieldgym.mechanisms.prrs_legs import LEG_ANGLES_RAD, MARGINS
 from fieldgym.mechanisms.rotations import euler_from_rotation, rotation_from_euler, sines_and_cosines
-from fieldgym.mechanisms.three_prrs import MARGINS
 
 MACHINES = {"published": ThreePRRS.published(), "sorter": ThreePRRS.sorter()}
 machines = pytest.mark.parametrize("machine", MACHINES.values(), ids=MACHINES.keys())
