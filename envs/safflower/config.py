@@ -103,8 +103,8 @@ class PerceptionModel:
     """Error of the reported position (along, across, up)."""
     stage_confusion: tuple[tuple[float, ...], ...]
     """Row = true stage, column = reported stage, rows sum to 1."""
-    size_sigma: float = 0.08
-    """Relative error of the reported size [assumed]."""
+    size_sigma: float
+    """Relative error of the reported size."""
 
     @classmethod
     def perfect(cls) -> PerceptionModel:
@@ -113,17 +113,18 @@ class PerceptionModel:
         return cls(((0.0, 1.0, 1.0, 1.0),) * 2, 0.0, (0.0,) * 3, (0.0,) * 3, identity, 0.0)
 
     @classmethod
-    @lru_cache(maxsize=1)
-    def measured(cls) -> PerceptionModel:
-        """The fit to rendered images that ships with the package [identified]."""
+    @lru_cache(maxsize=8)
+    def measured(cls, scenario: str) -> PerceptionModel:
+        """The fit to rendered images of a scenario that ships with the package [identified]."""
         with asset_path("perception/safflower.json") as path:
-            data = json.loads(path.read_text("utf-8"))
+            data = json.loads(path.read_text("utf-8"))["scenarios"][scenario]
         return cls(
             recall=tuple(tuple(row) for row in data["recall"]),
             false_per_stop=data["false_per_stop"],
             bias_m=tuple(data["position_bias_m"]),
             sigma_m=tuple(data["position_sigma_m"]),
             stage_confusion=tuple(tuple(row) for row in data["stage_confusion"]),
+            size_sigma=data["size_sigma"],
         )
 
 
@@ -158,6 +159,8 @@ class ScenarioConfig:
     time_limit_s: float
     max_tracks: int
     """Most reports kept in one episode."""
+    camera_fit: str
+    """Scenario whose measured camera stands in for the camera with ``perception="model"``."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -193,6 +196,7 @@ POTS = ScenarioConfig(
     potted=True,
     time_limit_s=1800.0,
     max_tracks=80,
+    camera_fit="pots",
 )
 
 
@@ -201,7 +205,7 @@ _PACE_S_PER_M = 250.0
 """Time that a metre of row is allowed, whatever grows on it: dense rows cannot be picked clean [assumed]."""
 
 
-def _row(pitch_m: float, occluded: float) -> ScenarioConfig:
+def _row(name: str, pitch_m: float, occluded: float) -> ScenarioConfig:
     # Plant height 0.89 m, crown 274.5 mm, 15.71 heads a plant [published: field means]; the spread of heights within
     # a row, the dispersion and the drops of the later heads are [assumed].
     return ScenarioConfig(
@@ -220,14 +224,15 @@ def _row(pitch_m: float, occluded: float) -> ScenarioConfig:
         potted=False,
         time_limit_s=_PACE_S_PER_M * _PLANTS_IN_ROW * pitch_m,
         max_tracks=256,
+        camera_fit=name,
     )
 
 
 SCENARIOS: dict[str, ScenarioConfig] = {
     "pots": POTS,
-    "row-sparse": _row(0.30, 0.10),
-    "row": _row(0.20, 0.175),
-    "row-dense": _row(0.125, 0.25),
+    "row-sparse": _row("row-sparse", 0.30, 0.10),
+    "row": _row("row", 0.20, 0.175),
+    "row-dense": _row("row-dense", 0.125, 0.25),
 }
 
 

@@ -75,7 +75,7 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
         config = configured(config, scenario, slots)
         choice("backend", backend, BACKENDS)
         perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
-        core = SafflowerCore(config, perception_model(perception))
+        core = SafflowerCore(config, perception_model(perception, config))
         executor = AnalyticPicker() if backend == "analytic" else PyBulletPicker(core)
         super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
 
@@ -103,7 +103,8 @@ class SafflowerPickingVectorEnv(TaskVectorEnv[PickerPlan, PickerOutcome]):
             raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
         if choice("perception", perception or "model", PERCEPTIONS) == "camera":
             raise ValueError('perception = \'camera\' is not batched: use "model", or vectorization_mode="async"')
-        core = SafflowerCore(configured(config, scenario, slots), perception_model(perception or "model"), num_envs)
+        config = configured(config, scenario, slots)
+        core = SafflowerCore(config, perception_model(perception or "model", config), num_envs)
         super().__init__(core, AnalyticPicker(), autoreset_mode)
         if render_mode is not None:
             raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
@@ -126,8 +127,10 @@ def configured(config: SafflowerConfig | None, scenario: str | None, slots: int 
     return replace(config or SafflowerConfig(), **changes)
 
 
-def perception_model(perception: str) -> PerceptionModel | None:
+def perception_model(perception: str, config: SafflowerConfig) -> PerceptionModel | None:
     """Statistics behind a perception level; None when reports come from a camera."""
     if perception == "camera":
         return None
-    return PerceptionModel.perfect() if perception == "perfect" else PerceptionModel.measured()
+    if perception == "perfect":
+        return PerceptionModel.perfect()
+    return PerceptionModel.measured(config.scenario.camera_fit)

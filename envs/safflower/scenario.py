@@ -29,6 +29,9 @@ _SPREAD_M, _SPREAD_SIGMA = 0.04785, 0.078
 """Filament spread, mean and relative deviation [published: 47.85 +- 3.73 mm]."""
 _SIZE_SHARE = 0.7
 """Correlation of a head's size with the logarithm of its mass [assumed]."""
+_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+_PLAY = 0.5
+"""How irregularly the heads of a plant are spread: 0 is a perfect spiral [assumed]."""
 _REACH_RESERVE_M = 0.012
 """Room that the potted plants leave to the workspace's edge [assumed: pots are turned to fit]."""
 _FALSE_RESERVE = 4.0
@@ -157,15 +160,18 @@ def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[
     batch = np.minimum((number + _PRIMARY_HEADS - 1) // _PRIMARY_HEADS, 2)
     drop = np.asarray(scenario.head_drop_m)[batch] * u.take(plants, slots)
     up = (lift + height)[..., None] - drop
-    ahead_u, across_u = u.take(plants, slots), u.take(plants, slots)
+    ahead_u, across_u, turn_u = u.take(plants, slots), u.take(plants, slots), u.take(plants)
     if scenario.potted:
         # Stems of a pot stand beside each other along the row; pots are turned so that the arm reaches every head.
         ahead = crown[..., None] * ((number + ahead_u) / np.maximum(count[..., None], 1) - 0.5)
         half = np.interp(up - scenario.motor_height_m, *reach_table(config.machine.picker.five_bar)) - _REACH_RESERVE_M
         across = (2.0 * across_u - 1.0) * np.minimum(0.5 * crown[..., None], half)
     else:
-        radius = 0.5 * crown[..., None] * np.sqrt(ahead_u)
-        ahead, across = radius * np.cos(2.0 * np.pi * across_u), radius * np.sin(2.0 * np.pi * across_u)
+        # Heads of a plant keep apart: golden-angle places with some play, the terminal head in the middle.
+        share = (number + _PLAY * ahead_u) / np.maximum(count[..., None], 1)
+        radius = 0.5 * crown[..., None] * np.sqrt(np.minimum(share, 1.0))
+        angle = _GOLDEN_ANGLE * number + 2.0 * np.pi * (turn_u[..., None] + _PLAY * _PLAY * across_u)
+        ahead, across = radius * np.cos(angle), radius * np.sin(angle)
     position = np.stack([along[:, None] + ahead, across, up], axis=-1)
 
     if scenario.potted:
@@ -242,7 +248,7 @@ def random_numbers(config: SafflowerConfig, perception: PerceptionModel) -> tupl
     """Lengths of a world's blocks: uniform and normal numbers for the field, then for the camera."""
     plants, heads = config.scenario.plants, config.scenario.plants * config.scenario.max_heads
     ghosts = len(false_table(perception.false_per_stop * config.scenario.stops))
-    return 3 * plants + 5 * heads + 1, 2 * plants + 5 * heads, 2 * heads + 1 + 4 * ghosts, 4 * heads
+    return 4 * plants + 5 * heads + 1, 2 * plants + 5 * heads, 2 * heads + 1 + 4 * ghosts, 4 * heads
 
 
 def fixed_order(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...perception.blooms import detect_blooms
+from ...simulation.camera import RgbdFrame
 from ..core import Array, StepResult
 from .executor import picker_parameters, trajectory
 from .scenario import fixed_order, stop_centres
@@ -35,17 +36,20 @@ class PickerView:
         core = self._core
         if not core.look_due[0]:
             return
-        self._follow()
-        look = self._scene.look()
-        blooms = detect_blooms(look.rgb, look.depth_m, look.camera)
+        look = self.look()
+        blooms = detect_blooms(look.rgb, look.depth_m, *look.camera)
         stop = int(core.stop[0])
         half = 0.5 * core.config.scenario.window_m
         here = np.abs(blooms.position[:, 0] - self._centres[stop]) <= half
         position = blooms.position[here]
         order = fixed_order(core.config, position[None], np.ones((1, len(position)), bool))[0][0]
         position = position[order]
-        size = np.sqrt(4.0 / np.pi * blooms.area_m2[here][order])
-        core.receive(0, position, blooms.stage[here][order], size, self._heads_behind(position))
+        core.receive(0, position, blooms.stage[here][order], blooms.spread_m[here][order], self._heads_behind(position))
+
+    def look(self) -> RgbdFrame:
+        """What the machine's camera sees now."""
+        self._follow()
+        return self._scene.look()
 
     def frame(self) -> NDArray[np.uint8]:
         """Picture of the present state."""
@@ -98,7 +102,7 @@ class PickerView:
             Field(
                 head_position=core.head_position[0, shown] + core.frame,
                 head_stage=core.head_stage[0, shown],
-                head_diameter_m=core.head_size_m[0, shown] * _BULB_SHARE,
+                head_spread_m=core.head_size_m[0, shown],
                 head_plant=shown // scenario.max_heads,
                 head_occluded=core.head_occluded[0, shown],
                 plant_base=core.plant_base[0],
@@ -120,10 +124,6 @@ class PickerView:
         close = distance[np.arange(len(position)), nearest] <= MATCH_RADIUS_M
         heads[close] = self._shown[nearest[close]]
         return heads
-
-
-_BULB_SHARE = 0.5256
-"""Bulb diameter over filament spread [published means: 25.15 and 47.85 mm]."""
 
 
 def _repeat(picture: NDArray[np.uint8], times: float) -> Iterator[NDArray[np.uint8]]:

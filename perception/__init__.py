@@ -1,0 +1,1 @@
+"""Images to targets: OpenCV and NumPy only."""
