@@ -237,6 +237,11 @@ class ClosedLoopMachine:
         position, quaternion = self._frame(body, index)
         return np.array(pybullet.multiplyTransforms(position, quaternion, pivot_m, (0.0, 0.0, 0.0, 1.0))[0])
 
+    def pose(self, link: str) -> tuple[Array, Array]:
+        """World position (3,) and quaternion (x, y, z, w) of a link's URDF frame."""
+        position, quaternion = self._frame(*self._named(self._links, "link", link))
+        return np.array(position), np.array(quaternion)
+
     def closure_error_m(self) -> float:
         """Largest distance between two points that are pinned together."""
         gaps = [
