@@ -38,11 +38,44 @@ def _transplanting() -> dict[str, Factory]:
     }
 
 
+def _weeding() -> dict[str, Factory]:
+    from . import weeding as rules
+
+    return {
+        "random": lambda config, seed: RandomPolicy(seed),
+        "fifo": lambda config, seed: rules.Fifo(config),
+        "edf": lambda config, seed: rules.EarliestDeadline(config),
+        "nearest": lambda config, seed: rules.Nearest(config),
+        "shortest-dwell": lambda config, seed: rules.ShortestDwell(config),
+        "kill-per-second": lambda config, seed: rules.KillPerSecond(config),
+        "receding-horizon": lambda config, seed: rules.RecedingHorizon(config),
+    }
+
+
+def _weeding_speed() -> dict[str, Factory]:
+    from . import weeding as rules
+
+    return {
+        "random": lambda config, seed: RandomPolicy(seed),
+        "constant-0.75": lambda config, seed: rules.AtSpeed(rules.RecedingHorizon(config), 0.75),
+        "constant-1": lambda config, seed: rules.AtSpeed(rules.RecedingHorizon(config), 1.0),
+        "constant-1.5": lambda config, seed: rules.AtSpeed(rules.RecedingHorizon(config), 1.5),
+        "hold-backlog": lambda config, seed: rules.HoldBacklog(rules.RecedingHorizon(config)),
+    }
+
+
 _POLICIES: dict[str, Callable[[], dict[str, Factory]]] = {
     "fieldgym/SafflowerPicking-v0": _safflower,
     "fieldgym/TrayTransplanting-v0": _transplanting,
+    "fieldgym/LaserWeeding-v0": _weeding,
+    "fieldgym/LaserWeedingSpeed-v0": _weeding_speed,
 }
-_REFERENCES = {"fieldgym/SafflowerPicking-v0": "fixed-order", "fieldgym/TrayTransplanting-v0": "fixed-order"}
+_REFERENCES = {
+    "fieldgym/SafflowerPicking-v0": "fixed-order",
+    "fieldgym/TrayTransplanting-v0": "fixed-order",
+    "fieldgym/LaserWeeding-v0": "fifo",
+    "fieldgym/LaserWeedingSpeed-v0": "constant-1",
+}
 
 
 def policy_names(env_id: str) -> tuple[str, ...]:

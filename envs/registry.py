@@ -52,6 +52,32 @@ TASKS = (
         entry_point="fieldgym.envs.transplanting.env:TrayTransplantingEnv",
         vector_entry_point="fieldgym.envs.transplanting.env:TrayTransplantingVectorEnv",
     ),
+    TaskDescription(
+        id="fieldgym/LaserWeeding-v0",
+        machine="3UPS-RPU laser platform on a cart that drives on, front camera and tool camera",
+        paper="Wang et al., 3UPS-RPU parallel mechanism for a laser weeding robot",
+        decision="which weed next, with which dose, or wait",
+        actions="Discrete(3 K + 1): slot x (low, normal, high dose), or wait a moment",
+        scenarios=("load-0.7", "load-1.0", "load-1.25", "load-1.6", "load-1.0-even", "load-1.6-even", "dense"),
+        headline_scenario="load-1.25",
+        backends=("pybullet", "analytic"),
+        perceptions=("perfect", "model", "camera"),
+        entry_point="fieldgym.envs.weeding.env:LaserWeedingEnv",
+        vector_entry_point="fieldgym.envs.weeding.env:LaserWeedingVectorEnv",
+    ),
+    TaskDescription(
+        id="fieldgym/LaserWeedingSpeed-v0",
+        machine="3UPS-RPU laser platform on a cart whose speed is chosen too",
+        paper="Wang et al., 3UPS-RPU parallel mechanism for a laser weeding robot",
+        decision="which weed next, with which dose, or wait; and how fast to drive",
+        actions="Discrete(3 (3 K + 1)): those of LaserWeeding-v0, each holding, lowering or raising the speed",
+        scenarios=("load-0.7", "load-1.0", "load-1.25", "load-1.6", "load-1.0-even", "load-1.6-even", "dense"),
+        headline_scenario="load-1.25",
+        backends=("pybullet", "analytic"),
+        perceptions=("perfect", "model", "camera"),
+        entry_point="fieldgym.envs.weeding.env:LaserWeedingSpeedEnv",
+        vector_entry_point="fieldgym.envs.weeding.env:LaserWeedingSpeedVectorEnv",
+    ),
 )
 
 ENV_IDS = tuple(task.id for task in TASKS)

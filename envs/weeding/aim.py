@@ -25,7 +25,8 @@ slopes of opposite sign, so the largest minimum is where they are equal.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -62,11 +63,24 @@ class LaserReach:
 
     def __post_init__(self) -> None:
         """Check that all are positive and the platform hangs between base and ground."""
-        for name, value in vars(self).items():
+        for name in (item.name for item in fields(self)):
+            value = getattr(self, name)
             if not 0.0 < value < np.inf:
                 raise ValueError(f"LaserReach.{name} = {value}: give a positive, finite number")
         if self.platform_z_m <= 0.0:
             raise ValueError(f"gap_m = {self.gap_m} m leaves no room under a base at {self.base_height_m} m")
+
+    @cached_property
+    def by_velocity(self) -> Array:
+        """Seconds per metre (3,) of a quintic motion at its velocity limits; see ``QUINTIC.duration``."""
+        limits = self.travel_velocity_m_s, self.lean_velocity_m_s, self.lean_velocity_m_s
+        return QUINTIC.peak_velocity / np.array(limits)
+
+    @cached_property
+    def by_acceleration(self) -> Array:
+        """Seconds squared per metre (3,) at its acceleration limits."""
+        limits = self.travel_acceleration_m_s2, self.lean_acceleration_m_s2, self.lean_acceleration_m_s2
+        return QUINTIC.peak_acceleration / np.array(limits)
 
     @property
     def platform_z_m(self) -> float:
@@ -124,7 +138,6 @@ def approach(
     along_m: Array,
     across_m: Array,
     early_s: float,
-    elapsed_s: float | Array = 0.0,
 ) -> Approach:
     """How the machine would fire at candidates, for each standing time.
 
@@ -137,41 +150,32 @@ def approach(
         along_m: (B, K) targets in the world.
         across_m: (B, K).
         early_s: longest wait for a target that is not in the window yet.
-        elapsed_s: (B,) or a number: the move begins this much later than ``cart_m`` says.
     """
     speed = speed_m_s[:, None, None]
-    here = beam[:, :, None, None]
-    cart = (cart_m + speed_m_s * elapsed_s)[:, None, None]
+    cart = cart_m[:, None, None]
     half = reach.travel_m - (0.5 * stand_s) * speed
     share = reach.lean_m / (np.maximum(half, 0.0) + reach.lean_m)
-    middle = along_m[..., None] - (cart + speed * (reach.expected_move_s + 0.5 * stand_s))
+    along = along_m[..., None]
+    middle = along - (cart + speed * (reach.expected_move_s + 0.5 * stand_s))
     target = np.empty((*middle.shape, 3))
-    # In place, column by column: a decision has a few microseconds a call to spend.
     lean = np.minimum(np.maximum(middle * share, -reach.lean_m), reach.lean_m)
-    place = along_m[..., None] - lean
-    target[..., 0] = place
+    np.subtract(along, lean, out=target[..., 0])
     target[..., 1] = lean
     target[..., 2] = across_m[..., None]
-    aside = np.maximum(np.abs(lean - here[:, 1]), np.abs(across_m[..., None] - here[:, 2]))
-    move_s = np.maximum(
-        QUINTIC.duration_unchecked(place - here[:, 0], reach.travel_velocity_m_s, reach.travel_acceleration_m_s2),
-        QUINTIC.duration_unchecked(aside, reach.lean_velocity_m_s, reach.lean_acceleration_m_s2),
-    )
-    ahead = place - cart
+    move_s = move_time(reach, target - beam[:, None, None])
+    ahead = target[..., 0] - cart
     wait_s = np.maximum((ahead - reach.travel_m) / speed - move_s, 0.0)
     behind = ahead - speed * (move_s + wait_s + stand_s)
     legal = (behind >= -reach.travel_m) & (wait_s <= early_s) & (half >= 0.0)
-    legal &= np.abs(across_m[..., None]) <= reach.half_width_m
+    legal &= np.abs(target[..., 2]) <= reach.half_width_m
     return Approach(target, move_s, wait_s, legal)
 
 
 def move_time(reach: LaserReach, stroke: Array) -> Array:
     """Seconds (...) of a motion by ``stroke`` (..., 3) in beam coordinates."""
-    aside = np.maximum(np.abs(stroke[..., 1]), np.abs(stroke[..., 2]))
-    return np.maximum(
-        QUINTIC.duration_unchecked(stroke[..., 0], reach.travel_velocity_m_s, reach.travel_acceleration_m_s2),
-        QUINTIC.duration_unchecked(aside, reach.lean_velocity_m_s, reach.lean_acceleration_m_s2),
-    )
+    way = np.abs(stroke)
+    times = np.maximum(way * reach.by_velocity, np.sqrt(way * reach.by_acceleration))
+    return np.maximum(np.maximum(times[..., 0], times[..., 1]), times[..., 2])
 
 
 def ready_beam(reach: LaserReach, cart_m: Array) -> Array:
@@ -207,7 +211,8 @@ class LaserMachine:
         """Take the ranges; ``early_s`` is the longest wait for a target in front of the window."""
         self.reach, self._early_s = reach, early_s
         self.front_m, self.half_width_m = reach.front_m, reach.half_width_m
-        self._scale = np.array([1.0 / reach.travel_m, 1.0 / reach.lean_m, 1.0 / reach.half_width_m])
+        self.scale = np.array([reach.travel_m, reach.lean_m, reach.half_width_m])
+        self._inverse_scale = 1.0 / self.scale
 
     def ready(self, cart_m: Array) -> Array:
         """See ``ready_beam``."""
@@ -232,6 +237,6 @@ class LaserMachine:
 
     def features(self, place: Array, cart_m: Array) -> Array:
         """Platform in front of the cart's middle, lean along, lean across, each over its range."""
-        result = place * self._scale
-        result[:, 0] -= cart_m * self._scale[0]
+        result = place * self._inverse_scale
+        result[:, 0] -= cart_m * self._inverse_scale[0]
         return result

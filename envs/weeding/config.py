@@ -53,8 +53,8 @@ class ProcessConfig:
     """Dose at cotyledon, two-leaf and four-leaf stage relative to two-leaf [assumed; published trends]."""
     grass_factor: float = 1.75
     """Dose of grasses relative to broadleaves [assumed, between 1.5 and 2; monocots need more: published]."""
-    meristem_m: tuple[float, float, float] = (0.0015, 0.0020, 0.0030)
-    """Radius of the growing point by stage; it widens the overlap with the spot [assumed]."""
+    meristem_m: tuple[float, float, float] = (0.0025, 0.0030, 0.0040)
+    """Radius of the vulnerable middle (growing point and leaf bases) by stage; it widens the overlap [assumed]."""
     crop_ed50_j: float = 20.0
     """Dose on a crop plant's growing point that kills half of them [assumed: a two-leaf broadleaf takes 26 J]."""
     crop_slope: float = 4.0
@@ -183,7 +183,9 @@ class ScenarioConfig:
             raise ValueError(f"crop = {self.crop!r}: choose 'beet' or 'maize'")
         expected = self.density_per_m2 * self.strip_m * self.band_m
         if self.max_weeds < expected:
-            raise ValueError(f"max_weeds = {self.max_weeds}: the strip holds {expected:.0f} weeds on average, give more")
+            raise ValueError(
+                f"max_weeds = {self.max_weeds}: the strip holds {expected:.0f} weeds on average, give more"
+            )
 
     @property
     def crops(self) -> int:

@@ -59,8 +59,8 @@ class LaserProcess:
         self.config = config
         self.energy_j = np.asarray(config.dose_j)
         self.work_s = np.column_stack([np.full(len(DOSES), config.correct_s), self.energy_j / config.power_w])
-        self._falloff = -2.0 / (config.spot_radius_m**2 + np.square(config.meristem_m))
-        self._crop_falloff = -2.0 / (config.spot_radius_m**2 + config.crop_heart_m**2)
+        radius = np.array([*config.meristem_m, config.crop_heart_m])
+        self._falloff = -2.0 / (config.spot_radius_m**2 + radius * radius)
 
     def tolerance(self, species: NDArray[np.int64], stage: NDArray[np.int64], luck: Array) -> Array:
         """Dose (...) that kills each weed."""
@@ -70,13 +70,9 @@ class LaserProcess:
         """Dose (...) that kills each crop plant."""
         return self.config.crop_ed50_j * (luck / (1.0 - luck)) ** (1.0 / self.config.crop_slope)
 
-    def dose(self, mode: Rows, square_m2: Array, stage: NDArray[np.int64]) -> Array:
-        """Dose (B, W) that reaches the growing points."""
-        return self.energy_j.take(mode)[:, None] * np.exp(square_m2 * self._falloff.take(stage))
-
-    def crop_dose(self, mode: Rows, square_m2: Array) -> Array:
-        """Dose (B, C) that reaches the crop plants' growing points."""
-        return self.energy_j.take(mode)[:, None] * np.exp(square_m2 * self._crop_falloff)
+    def dose(self, mode: Rows, square_m2: Array, kind: NDArray[np.int64]) -> Array:
+        """Dose (B, W) that reaches the growing points of plants of a kind: a weed's stage, or 3 for a crop plant."""
+        return self.energy_j.take(mode)[:, None] * np.exp(square_m2 * self._falloff.take(kind))
 
 
 def chance_table(process: ProcessConfig) -> Array:

@@ -62,7 +62,8 @@ class Tracks:
         real: (R, T), whether a weed is behind it.
         species: (R, T), reported.
         stage: (R, T), reported.
-        known_m: (R, T), cart position from which on it is known, not counting the delay; ascending.
+        line: (R, T, 2), report along and the cart position from which on it is known, not counting the delay;
+            ascending, NaN where there is none.
         crop_gap_m: (R, T), reported distance to the nearest crop plant.
         count: (R,).
     """
@@ -73,7 +74,7 @@ class Tracks:
     real: NDArray[np.bool_]
     species: NDArray[np.int64]
     stage: NDArray[np.int64]
-    known_m: Array
+    line: Array
     crop_gap_m: Array
     count: NDArray[np.int64]
 
@@ -194,7 +195,12 @@ def random_numbers(scenario: ScenarioConfig, perception: PerceptionModel) -> tup
 
 
 def draw_tracks(
-    scenario: ScenarioConfig, cart: CartConfig, perception: PerceptionModel, plants: Plants, uniform: Array, normal: Array
+    scenario: ScenarioConfig,
+    cart: CartConfig,
+    perception: PerceptionModel,
+    plants: Plants,
+    uniform: Array,
+    normal: Array,
 ) -> Tracks:
     """What the statistical cameras make of R worlds, from random blocks (R, .) of their own."""
     u, z = _Block(uniform), _Block(normal)
@@ -207,6 +213,8 @@ def draw_tracks(
     slots = place.shape[1]
     recall = np.asarray(perception.recall)[plants.species, plants.stage]
     gap = nearest_crop(scenario, plants.crop, place)
+    # A crop plant that is taken for a weed is missing from the machine's list of crop plants.
+    gap[:, n : n + crops] = scenario.crop_pitch_m
     recall = recall * np.where(gap[:, :n] < perception.near_crop_m, perception.recall_near_crop, 1.0)
     in_strip = (plants.crop[..., 0] >= 0.0) & (plants.crop[..., 0] <= scenario.strip_m)
     lots = u.take(slots)
@@ -251,7 +259,8 @@ def draw_tracks(
         return np.where(there[..., None], np.take_along_axis(values, order[..., None], axis=1), FAR_M)
 
     report, aim = pick2(report), pick2(aim)
-    seen = np.maximum.accumulate(report[..., 0], axis=1)
+    seen = report[..., 0]
+    known = seen - cart.seen_ahead_m + perception.frames_m
     return Tracks(
         report=report,
         aim=aim,
@@ -259,7 +268,7 @@ def draw_tracks(
         real=there & (order < n),
         species=pick(species),
         stage=pick(stage),
-        known_m=np.where(there, seen - cart.seen_ahead_m + perception.frames_m, FAR_M),
+        line=np.where(there[..., None], np.stack([seen, known], axis=-1), np.nan),
         crop_gap_m=pick(gap),
         count=np.count_nonzero(there, axis=1),
     )

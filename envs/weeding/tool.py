@@ -65,10 +65,9 @@ class WeedingProcess(Protocol):
         """Dose (...) that kills each crop plant."""
         ...
 
-    def dose(self, mode: Rows, square_m2: Array, stage: NDArray[np.int64]) -> Array:
-        """Dose (B, W) on weeds at squared distances ``square_m2`` (B, W) from the tool's work, modes (B,)."""
-        ...
+    def dose(self, mode: Rows, square_m2: Array, kind: NDArray[np.int64]) -> Array:
+        """Dose (B, W) on plants at squared distances ``square_m2`` (B, W) from the tool's work, modes (B,).
 
-    def crop_dose(self, mode: Rows, square_m2: Array) -> Array:
-        """Dose (B, C) on crop plants; as above."""
+        ``kind`` (B, W) is a weed's stage, or 3 for a crop plant.
+        """
         ...
