@@ -24,7 +24,7 @@ def tilted(tilt: ArrayLike, azimuth: ArrayLike, yaw: ArrayLike) -> Array:
     """
     half_tilt, turn = 0.5 * np.asarray(tilt, dtype=np.float64), np.asarray(azimuth, dtype=np.float64)
     half_yaw = 0.5 * np.asarray(yaw, dtype=np.float64)
-    half_tilt, turn, half_yaw = (np.ascontiguousarray(part) for part in np.broadcast_arrays(half_tilt, turn, half_yaw))
+    half_tilt, turn, half_yaw = (np.array(part, order="C") for part in np.broadcast_arrays(half_tilt, turn, half_yaw))
     ct, st, cy, sy = np.cos(half_tilt), np.sin(half_tilt), np.cos(half_yaw), np.sin(half_yaw)
     # (ct, -st sin a, st cos a, 0) times (cy, 0, 0, sy), with the angle sum written out.
     x, y = -st * np.sin(turn), st * np.cos(turn)
@@ -116,3 +116,19 @@ def euler_angles(quaternion: Array) -> Array:
     beta = np.arcsin(np.clip(2.0 * (w * y - x * z), -1.0, 1.0))
     gamma = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
     return np.stack([alpha, beta, gamma], axis=-1)
+
+
+def from_euler(angles: ArrayLike) -> Array:
+    """Quaternions (..., 4) of (alpha, beta, gamma), (..., 3), rad: Rz(gamma) Ry(beta) Rx(alpha)."""
+    half = 0.5 * np.asarray(angles, dtype=np.float64)
+    cosine, sine = np.cos(half), np.sin(half)
+    (ca, cb, cg), (sa, sb, sg) = (np.moveaxis(part, -1, 0) for part in (cosine, sine))
+    return np.stack(
+        [
+            ca * cb * cg + sa * sb * sg,
+            sa * cb * cg - ca * sb * sg,
+            ca * sb * cg + sa * cb * sg,
+            ca * cb * sg - sa * sb * cg,
+        ],
+        axis=-1,
+    )

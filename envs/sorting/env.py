@@ -1,0 +1,142 @@
+"""The Gymnasium environments of the produce sorter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from gymnasium.vector import AutoresetMode
+
+from ..core import BACKENDS, PERCEPTIONS, choice
+from ..single import TaskEnv
+from ..vector import TaskVectorEnv
+from .config import SCENARIOS, PerceptionModel, SortingConfig
+from .executor import AnalyticSorter, PyBulletSorter
+from .task import SorterOutcome, SorterPlan, SortingCore
+
+if TYPE_CHECKING:
+    from .view import SorterView
+
+
+class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
+    """Sort produce from a moving belt with the six-degree-of-freedom 3-PRRS (``fieldgym/ProduceSorting-v0``).
+
+    Tubers and fruits of four grades come down a belt that never stops, at random places, yaws and tilts. An RGB-D
+    camera upstream reports them. The machine over the belt (Du, Guo, Niu 2015, J. Shandong Univ. Technol. 29(5),
+    which names sorting as a use) turns its two fingers to the item, follows the belt while it goes down, grips and
+    lifts, and lets go over the bin of the reported grade beside the belt. Arrivals are Poisson, or come in clumps; at
+    loads above 1 the machine cannot serve every item, and the question is which. The episode ends when the last item
+    has passed.
+
+    **Motion**: every leg is a quintic law under linear and angular speed and acceleration limits; the orientation
+    turns on SO(3) about one axis. Following adds a smooth ramp to the belt's speed. Where an item can be gripped
+    follows from the mechanism's limits at its yaw and tilt; waiting for it to come within reach is part of the pick.
+
+    **Action**, ``Discrete(K + 1)``: k grips the item in slot k, K waits half a second. Empty slots and items that
+    lean too far, or cannot be reached before they leave, are masked; an illegal action does nothing, costs 0.25 s of
+    the belt's travel and is counted.
+
+    **Observation**, a ``Dict`` of float32 boxes scaled to order one:
+
+    - ``machine`` (5,): ``x``, ``y`` of the platform / 0.2 m, ``turned`` sine of half its rotation, ``time`` / time
+      limit, ``in_view`` reports shown / K.
+    - ``candidates`` (K x 19,), a table in row order (``candidate_table`` gives it its two axes): the reports in the
+      order in which they leave the reach, empty rows zero: ``present``, ``along`` and ``across`` of the platform over
+      the item / 0.2 m, ``cos_2yaw``, ``sin_2yaw``, ``tilt`` / 0.35 rad, ``turn`` of the tool from level / 1 rad,
+      ``length`` / 0.06 m, one-hot reported grade (ware, seed, ripe, green), ``value`` of the grade, ``quality``
+      expected share of grips that hold, ``approach`` seconds until the tool is over it,
+      ``wait`` before that / 4 s, ``cycle`` until the item is in its bin / 2 s, ``slack`` until it is too late / 4 s,
+      ``possible``.
+    - ``action_mask`` (K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
+
+    **Reward**: the sum of ``info["rewards"]``: ``placed`` (value of the grade), ``misplaced`` (-0.5 for a wrong bin),
+    ``dropped`` (-0.5 on the way), ``wasted`` (-0.05 for a grip that held nothing).
+
+    **Score**: ``info["scorecard"]``: ``net_rate`` = items in the right bin / all items of the stream, ``value_rate``
+    the same by value, ``cycle_time_s`` = time until the last item was put down / items put down, ``picks_per_min``,
+    ``misplaced``, ``dropped``, ``wasted``, ``missed``, phases.
+
+    Args:
+        scenario: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` or ``"clumped-1.25"``.
+        backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
+        perception: ``"camera"`` renders images of the belt and finds the items in them, ``"model"`` draws from
+            statistics measured on such images, ``"perfect"`` reports every item as it is. Default: camera with
+            PyBullet, model with the analytic backend.
+        slots: candidates K shown at once.
+        config: every number of the task; ``scenario`` and ``slots`` replace its own.
+        render_mode: ``"rgb_array"``, ``"human"`` or None.
+
+    Raises:
+        ValueError: an argument is unknown or out of range; the message says what is allowed.
+    """
+
+    def __init__(
+        self,
+        scenario: str | None = None,
+        backend: str = "pybullet",
+        perception: str | None = None,
+        slots: int | None = None,
+        config: SortingConfig | None = None,
+        render_mode: str | None = None,
+    ):
+        """Build the rules, the executor and, where asked for, the scene."""
+        config = configured(config, scenario, slots)
+        choice("backend", backend, BACKENDS)
+        perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
+        core = SortingCore(config, perception_model(perception))
+        executor = AnalyticSorter(core) if backend == "analytic" else PyBulletSorter(core)
+        super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
+
+
+class ProduceSortingVectorEnv(TaskVectorEnv[SorterPlan, SorterOutcome]):
+    """``num_envs`` worlds of ``fieldgym/ProduceSorting-v0`` in one batch, with the analytic backend.
+
+    Args as in ``ProduceSortingEnv`` and ``TaskVectorEnv``. PyBullet machines run one a process: use
+    ``vectorization_mode="async"`` for those.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenario: str | None = None,
+        backend: str = "analytic",
+        perception: str | None = None,
+        slots: int | None = None,
+        config: SortingConfig | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+    ):
+        """Build the rules for all worlds."""
+        if choice("backend", backend, BACKENDS) != "analytic":
+            raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
+        if choice("perception", perception or "model", PERCEPTIONS) == "camera":
+            raise ValueError('perception = \'camera\' is not batched: use "model", or vectorization_mode="async"')
+        if render_mode is not None:
+            raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
+        core = SortingCore(configured(config, scenario, slots), perception_model(perception or "model"), num_envs)
+        super().__init__(core, AnalyticSorter(core), autoreset_mode)
+
+
+def configured(config: SortingConfig | None, scenario: str | None, slots: int | None) -> SortingConfig:
+    """The configuration with a named scenario and a number of slots put in."""
+    changes: dict[str, Any] = {}
+    if scenario is not None:
+        changes["scenario"] = SCENARIOS[choice("scenario", scenario, tuple(SCENARIOS))]
+    if slots is not None:
+        changes["slots"] = slots
+    return replace(config or SortingConfig(), **changes)
+
+
+def perception_model(perception: str) -> PerceptionModel | None:
+    """Statistics behind a perception level; None when reports come from a camera."""
+    if perception == "camera":
+        return None
+    return PerceptionModel.perfect() if perception == "perfect" else PerceptionModel.measured()
+
+
+def _make_view(core: SortingCore, window: bool) -> SorterView:
+    # Rendering and OpenCV load only where something is seen.
+    from .view import SorterView
+
+    return SorterView(core, window)
