@@ -1,7 +1,7 @@
 """Motion laws and paths under velocity, acceleration and jerk limits. NumPy only."""
 
 from .curves import Arc, Bezier, CurvedPath, Line, polyline, rounded
-from .gates import GATE_STYLES, Gate, OverlappedGate
+from .gates import GATE_STYLES, Gate, GateStyle, OverlappedGate
 from .laws import MODIFIED_TRAPEZOID, QUINTIC, SEPTIC, ModifiedTrapezoid, MotionLaw, MotionSample, PolynomialLaw
 from .minimum_time import PathMotion, minimum_time
 from .paths import PathSample, StoppedPath, gate_corners
@@ -16,6 +16,7 @@ __all__ = [
     "Bezier",
     "CurvedPath",
     "Gate",
+    "GateStyle",
     "Line",
     "ModifiedTrapezoid",
     "MotionLaw",

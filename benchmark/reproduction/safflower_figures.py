@@ -59,14 +59,14 @@ def singularities(bar: FiveBar, region: PlanarWorkspace, canvas: Canvas) -> None
         axes.contour(1e3 * x, 1e3 * y, reach, colors=colour, **style)
         axes.plot([], [], color=colour, label=f"leg {leg} straight or folded (serial)")
     crossing = margins["forearms"] + bar.min_forearm_angle_rad
-    # Where the forearms pass one line their angle changes sign; elsewhere on the grid it stays away from zero.
-    axes.contour(1e3 * x, 1e3 * y, np.nan_to_num(crossing, nan=1.0), colors="magenta", **style)
+    # Where the forearms pass one line their signed angle changes sign.
+    axes.contour(1e3 * x, 1e3 * y, np.ma.masked_invalid(crossing), colors="magenta", **style)
     axes.plot([], [], color="magenta", label="forearms in one line (parallel)")
     outline = 1e3 * np.vstack([region.boundary, region.boundary[:1]])
     axes.plot(outline[:, 0], outline[:, 1], "w-", lw=1.5)
     axes.plot([0.0, 1e3 * bar.base_m], [0.0, 0.0], "k^", ms=8)
     axes.set(xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-    axes.legend(loc="upper center", fontsize=8)
+    canvas.legend(loc="outside lower center", ncols=3, fontsize=8)
 
 
 def net_rate(collected_g: Array, total_g: Array, canvas: Canvas) -> None:
