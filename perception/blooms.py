@@ -132,7 +132,7 @@ def _stage(pixels: NDArray[np.uint8], config: BloomConfig) -> int:
 
 
 def _split_touching(mask: NDArray[np.uint8], depth_m: NDArray[np.float32], config: BloomConfig) -> NDArray[np.int32]:
-    """Label tufts; patches larger than one tuft are split at their necks by a watershed from their cores."""
+    """Label tufts; patches larger than one tuft are split at their necks: each pixel goes to the nearest core."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     result = labels.astype(np.int32)
     following = count
@@ -143,16 +143,14 @@ def _split_touching(mask: NDArray[np.uint8], depth_m: NDArray[np.float32], confi
         if min(w, h) < 5:
             continue
         distance = cv2.distanceTransform(np.pad(here.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
-        cores = (distance > config.split_share * distance.max()).astype(np.uint8)
-        parts, markers = cv2.connectedComponents(cores, connectivity=8)
+        cores = distance > config.split_share * distance.max()
+        parts, core_labels = cv2.connectedComponents(cores.astype(np.uint8), connectivity=8)
         if parts <= 2:
             continue
-        seeds = np.pad(np.where(here, markers, parts), 1, constant_values=parts).astype(np.int32)
-        seeds[1:-1, 1:-1][here & (markers == 0)] = 0
-        relief = cv2.cvtColor((255 - 255 * distance / distance.max()).astype(np.uint8), cv2.COLOR_GRAY2BGR)
-        flooded = cv2.watershed(np.pad(relief, ((1, 1), (1, 1), (0, 0)), mode="edge"), seeds)[1:-1, 1:-1]
+        # Every pixel belongs to the nearest core; OpenCV numbers the cores anew.
+        _, nearest = cv2.distanceTransformWithLabels((~cores).astype(np.uint8), cv2.DIST_L2, 5)
         for part in range(2, parts):
-            result[window][here & (flooded == part)] = following
+            owner = nearest[core_labels == part][0]
+            result[window][here & (nearest == owner)] = following
             following += 1
-        result[window][here & (flooded == -1)] = 0
     return result

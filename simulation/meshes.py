@@ -26,7 +26,10 @@ def flat_shaded(vertices: Array, triangles: NDArray[np.int64], *, two_sided: boo
     if two_sided:
         corners = np.concatenate([corners, corners[:, ::-1]])
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    doubled_area = np.linalg.norm(normal, axis=1, keepdims=True)
+    # Rings of no radius and tips of leaves leave triangles without area.
+    solid = doubled_area[:, 0] > 1e-12
+    corners, normal = corners[solid], normal[solid] / doubled_area[solid]
     return Mesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), np.repeat(normal, 3, axis=0))
 
 

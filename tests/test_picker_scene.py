@@ -1,0 +1,162 @@
+"""The picker's camera, plants and detector: geometry to a fraction of a pixel, pools that do not grow."""
+
+from typing import Any
+
+import cv2
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fieldgym.perception.blooms import BloomConfig, detect_blooms
+from fieldgym.simulation.camera import Camera
+from fieldgym.simulation.client import PhysicsClient, pybullet
+from fieldgym.simulation.meshes import Pool, box, spiny_leaf, surface_of_revolution, tuft, upright_to
+
+ID = "fieldgym/SafflowerPicking-v0"
+
+
+@pytest.fixture(scope="module")
+def picker():
+    env: Any = gym.make(ID, backend="analytic", perception="camera", render_mode="rgb_array").unwrapped
+    env.reset(seed=0)
+    yield env
+    env.close()
+
+
+def test_camera_geometry_is_right_to_a_fifth_of_a_pixel():
+    camera = Camera(480, 360, np.deg2rad(46.0), 0.1, 2.0)
+    with PhysicsClient() as client:
+        disc = surface_of_revolution(np.array([0.03, 0.0]), np.zeros(2), 48)
+        pool = Pool(client, disc, (1.0, 0.0, 0.0, 1.0), 1)
+        for place in ([0.0, 0.0, 0.0], [0.17, 0.11, 0.0], [-0.2, 0.05, 0.1], [0.1, -0.12, -0.05]):
+            pool.clear()
+            pool.place(place)
+            eye = np.array([0.0, 0.0, 0.6])
+            frame = camera.look(client, eye, eye - [0.0, 0.0, 1.0], np.array([0.0, 1.0, 0.0]))
+            rows, columns = np.nonzero(frame.rgb[..., 0].astype(int) - frame.rgb[..., 2] > 60)
+            focal, depth = frame.camera.intrinsics[0, 0], float(np.median(frame.depth_m[rows, columns]))
+            pixel = np.array([columns.mean(), rows.mean(), 1.0])
+            ray = np.linalg.solve(frame.camera.intrinsics, pixel)
+            found = frame.camera.world_from_camera @ np.append(depth * ray, 1.0)
+            assert depth == pytest.approx(0.6 - place[2], abs=5e-4)
+            assert np.abs(found[:2] - place[:2]).max() < 0.2 * depth / focal
+
+
+def test_heads_in_pots_are_found_where_they_are(picker):
+    core = picker.core
+    for seed in range(3):
+        picker.reset(seed=seed)
+        for stop in (0, 7, 14):
+            core.pose[0, 0] = core._centres[stop] - core.config.machine.picker.camera_ahead_m
+            look = picker.view.look()
+            blooms = detect_blooms(look.rgb, look.depth_m, *look.camera)
+            truth = core.head_position[0, core.head_exists[0]] + core.frame
+            inside = truth[np.abs(truth[:, 0] - core._centres[stop]) < 0.2]
+            gaps = np.linalg.norm(inside[:, None] - blooms.position[None], axis=-1).min(axis=1)
+            assert gaps.max() < 0.006
+
+
+def test_a_camera_episode_is_repeatable_and_finds_most_heads(picker):
+    results = []
+    for _ in range(2):
+        picker.reset(seed=4)
+        for _ in range(12):
+            legal = np.flatnonzero(picker.action_masks())
+            *_, info = picker.step(int(legal[1] if len(legal) > 1 else legal[0]))
+        results.append(info["scorecard"])
+    assert results[0] == results[1]
+    assert results[0]["done"] >= 6
+
+
+def test_new_fields_reuse_the_bodies_that_there_are(picker):
+    client = picker.view._scene._client
+    picker.render()
+    bodies = pybullet.getNumBodies(physicsClientId=client.id)
+    for seed in range(20):
+        picker.reset(seed=seed)
+    assert pybullet.getNumBodies(physicsClientId=client.id) == bodies
+
+
+def test_picking_takes_the_filaments_out_of_the_picture(picker):
+    picker.reset(seed=1)
+    core = picker.core
+    before = int(core.remaining[0])
+    picker.step(2)
+    core.pose[0] = [core._centres[0] - core.config.machine.picker.camera_ahead_m, *core._park]
+    look = picker.view.look()
+    blooms = detect_blooms(look.rgb, look.depth_m, *look.camera)
+    assert np.count_nonzero(np.abs(blooms.position[:, 0] - core._centres[0]) < 0.22) == before - 1
+
+
+def test_the_picture_shows_the_machine_and_flowers(picker):
+    picker.reset(seed=2)
+    frame = picker.render()
+    assert frame.shape == (480, 640, 3) and frame.dtype == np.uint8
+    hue = cv2.cvtColor(frame, cv2.COLOR_RGB2HSV)
+    assert np.count_nonzero(cv2.inRange(hue, (0, 150, 120), (24, 255, 255))) > 300
+    assert np.count_nonzero(cv2.inRange(hue, (35, 80, 40), (85, 255, 255))) > 1000
+
+
+def test_recorded_frames_follow_the_decision(picker):
+    frames: list[np.ndarray] = []
+    picker.reset(seed=3)
+    picker.record(frames.append, 2.0)
+    *_, info = picker.step(1)
+    picker.record(None)
+    assert len(frames) == pytest.approx(2.0 * sum(info["phases_s"].values()), abs=4)
+    assert not np.array_equal(frames[0], frames[-1])
+    with pytest.raises(ValueError, match="frames_per_second"):
+        picker.record(frames.append, 0.0)
+
+
+def test_a_closed_scene_says_so():
+    env: Any = gym.make(ID, backend="analytic", perception="camera").unwrapped
+    env.reset(seed=0)
+    env.close()
+    env.close()
+    with pytest.raises(RuntimeError, match="closed"):
+        env.view.frame()
+
+
+def synthetic(discs: list[tuple[int, int, int]], depth_m: float = 0.5):
+    """A look at flat discs (u, v, radius in pixels) of fresh filaments on leaves, 850 px focal length."""
+    rgb = np.full((360, 480, 3), (60, 110, 45), np.uint8)
+    depth = np.full((360, 480), 0.7, np.float32)
+    for u, v, radius in discs:
+        cv2.circle(rgb, (u, v), radius, (250, 165, 25), -1)
+        cv2.circle(depth, (u, v), radius, depth_m, -1)
+    intrinsics = np.array([[850.0, 0.0, 240.0], [0.0, 850.0, 179.0], [0.0, 0.0, 1.0]])
+    return rgb, depth, intrinsics, np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def test_touching_heads_are_told_apart():
+    blooms = detect_blooms(*synthetic([(200, 180, 34), (262, 180, 34)]))
+    assert len(blooms.stage) == 2
+    assert sorted(blooms.position[:, 0]) == pytest.approx([-40 * 0.506 / 850, 22 * 0.506 / 850], abs=1.5e-3)
+
+
+def test_what_is_too_small_too_far_or_green_is_no_head():
+    assert len(detect_blooms(*synthetic([(200, 180, 4)])).stage) == 0
+    assert len(detect_blooms(*synthetic([(200, 180, 34)], depth_m=0.9)).stage) == 0
+    assert len(detect_blooms(*synthetic([])).stage) == 0
+
+
+@pytest.mark.parametrize(("colour", "stage"), [((250, 165, 25), 1), ((235, 80, 20), 2), ((110, 45, 25), 3)])
+def test_colour_tells_the_stage(colour, stage):
+    rgb, *rest = synthetic([(200, 180, 34)])
+    rgb[(rgb == (250, 165, 25)).all(axis=-1)] = colour
+    assert detect_blooms(rgb, *rest).stage.tolist() == [stage]
+    assert BloomConfig().head_spread_m == 0.04785
+
+
+def test_meshes_are_closed_where_they_should_be_and_normals_are_unit():
+    for mesh in (box((0.1, 0.2, 0.3)), tuft(0.02, 0.02), spiny_leaf(0.1, 0.03, 0.01)):
+        assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-6)
+        assert mesh.triangles.max() < len(mesh.vertices)
+    solid = surface_of_revolution(np.array([0.0, 0.1, 0.1, 0.0]), np.array([0.0, 0.0, 0.2, 0.2]), 64)
+    a, b, c = (solid.vertices[solid.triangles[:, i]] for i in range(3))
+    volume = np.sum(a * np.cross(b, c)) / 6.0
+    assert volume == pytest.approx(np.pi * 0.01 * 0.2, rel=5e-3)
+    x, y, z, w = upright_to(np.array([0.3, -0.4, 0.2]))
+    turned = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    assert turned == pytest.approx(np.array([0.3, -0.4, 0.2]) / np.linalg.norm([0.3, -0.4, 0.2]))
