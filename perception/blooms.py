@@ -68,7 +68,7 @@ def filament_mask(
     hsv = cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV)
     low = (config.hue_range[0], config.min_saturation, config.min_value)
     mask = cv2.inRange(hsv, low, (config.hue_range[1], 255, 255))
-    mask |= cv2.inRange(hsv, (172, *low[1:]), (179, 255, 255))
+    mask = cv2.bitwise_or(mask, cv2.inRange(hsv, (172, *low[1:]), (179, 255, 255)))
     near = (depth_m > config.range_m[0]) & (depth_m < config.range_m[1])
     mask[~near] = 0
     # Facets in shade leave pinholes; single stray pixels are edges of leaves against pots.
@@ -76,7 +76,7 @@ def filament_mask(
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel)
     # One tuft before another: the step in depth between them is no part of either.
     mask[cv2.morphologyEx(depth_m, cv2.MORPH_GRADIENT, kernel) > config.depth_step_m] = 0
-    return cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel), hsv
+    return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel), np.uint8), np.asarray(hsv, np.uint8)
 
 
 def detect_blooms(

@@ -30,7 +30,7 @@ def test_camera_geometry_is_right_to_a_fifth_of_a_pixel():
         pool = Pool(client, disc, (1.0, 0.0, 0.0, 1.0), 1)
         for place in ([0.0, 0.0, 0.0], [0.17, 0.11, 0.0], [-0.2, 0.05, 0.1], [0.1, -0.12, -0.05]):
             pool.clear()
-            pool.place(place)
+            pool.place(np.array(place))
             eye = np.array([0.0, 0.0, 0.6])
             frame = camera.look(client, eye, eye - [0.0, 0.0, 1.0], np.array([0.0, 1.0, 0.0]))
             rows, columns = np.nonzero(frame.rgb[..., 0].astype(int) - frame.rgb[..., 2] > 60)
@@ -57,7 +57,7 @@ def test_heads_in_pots_are_found_where_they_are(picker):
 
 
 def test_a_camera_episode_is_repeatable_and_finds_most_heads(picker):
-    results = []
+    results, info = [], {}
     for _ in range(2):
         picker.reset(seed=4)
         for _ in range(12):
@@ -118,7 +118,7 @@ def test_a_closed_scene_says_so():
         env.view.frame()
 
 
-def synthetic(discs: list[tuple[int, int, int]], depth_m: float = 0.5):
+def synthetic(discs: list[tuple[int, int, int]], depth_m: float = 0.5) -> Any:
     """A look at flat discs (u, v, radius in pixels) of fresh filaments on leaves, 850 px focal length."""
     rgb = np.full((360, 480, 3), (60, 110, 45), np.uint8)
     depth = np.full((360, 480), 0.7, np.float32)
