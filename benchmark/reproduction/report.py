@@ -23,12 +23,21 @@ CHAPTERS = ("laser", "prrs", "safflower", "transplanting")
 
 @dataclass(frozen=True)
 class FigureFile:
-    """A drawn figure: paths relative to the index."""
+    """A drawn figure: paths relative to the index.
+
+    Attributes:
+        stem: see ``Figure``.
+        caption: see ``Figure``.
+        svg: vector drawing.
+        png: the same as pixels.
+        shown: the one that a page shows; a vector drawing of very many parts would make it slow.
+    """
 
     stem: str
     caption: str
     svg: str
     png: str
+    shown: str
 
 
 @dataclass(frozen=True)
@@ -112,13 +121,19 @@ def to_json(results: Sequence[ChapterResult]) -> str:
     return json.dumps([asdict(result) for result in results], indent=2, ensure_ascii=False) + "\n"
 
 
+_LARGE_SVG_BYTES = 1_500_000
+
 COLUMNS = ("Item", "Published", "As printed", "Corrected", "Deviation", "Verdict", "Why")
 """Headings of a chapter's table."""
 
 
 def row(finding: Finding) -> tuple[str, ...]:
     """Texts of one table row, one for each of ``COLUMNS``."""
-    deviation = "" if finding.deviation is None else f"{finding.deviation:+.3g}"
+    deviation = ""
+    if finding.deviation is not None:
+        # Rounding far below the printed digits is no deviation.
+        exact = abs(finding.deviation) <= 1e-6 * (finding.tolerance or 0.0)
+        deviation = "0" if exact else f"{finding.deviation:+.3g}"
     published, computed, corrected = _align(finding)
     return finding.item, published, computed, corrected, deviation, finding.verdict.value, finding.why
 
@@ -165,12 +180,12 @@ def _chapter_html(result: ChapterResult) -> str:
         item, published, computed, corrected, deviation, _, why = (html.escape(text) for text in row(finding))
         kind = "n" if finding.deviation is not None else "t"
         rows += (
-            f'<tr><td class="item">{item}</td><td class="{kind}">{published}</td><td class="{kind}">{computed}</td>'
+            f'<tr><td class="item">{item}</td><td class="{kind} claim">{published}</td><td class="{kind}">{computed}</td>'
             f'<td class="{kind}">{corrected}</td><td class="n">{deviation}</td><td>{_badge(finding.verdict)}</td>'
             f'<td class="why">{why}</td></tr>'
         )
     figures = "".join(
-        f'<figure id="{result.key}-{figure.stem}"><a href="{figure.svg}"><img src="{figure.svg}" '
+        f'<figure id="{result.key}-{figure.stem}"><a href="{figure.svg}"><img src="{figure.shown}" '
         f'alt="{html.escape(figure.caption, quote=True)}"></a><figcaption>{html.escape(figure.caption)}</figcaption>'
         "</figure>"
         for figure in result.figures
@@ -205,7 +220,8 @@ def _draw(figure: Figure, key: str, out: Path) -> FigureFile:
             canvas.savefig(partial, format=ending, dpi=140, metadata=metadata)
             partial.replace(target)
             names[ending] = target.relative_to(out).as_posix()
-    return FigureFile(figure.stem, figure.caption, names["svg"], names["png"])
+    shown = names["svg"] if (out / names["svg"]).stat().st_size < _LARGE_SVG_BYTES else names["png"]
+    return FigureFile(figure.stem, figure.caption, names["svg"], names["png"], shown)
 
 
 def _align(finding: Finding) -> tuple[str, str, str]:
@@ -220,7 +236,7 @@ def _align(finding: Finding) -> tuple[str, str, str]:
         else:
             texts.append(f"{value:.7g}" if finding.tolerance is None else _decimals(value, finding.tolerance))
     if finding.unit:
-        texts = [f"{text} {finding.unit}" if text else "" for text in texts]
+        texts = [f"{text} {finding.unit}" if text[-1:].isdigit() else text for text in texts]
     return texts[0], texts[1], texts[2]
 
 
@@ -266,19 +282,22 @@ _STYLE = """
 --tint:#232a26}figure img{background:#fff}}
 *{box-sizing:border-box}body{margin:0;background:var(--page);color:var(--ink);
 font:15px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",sans-serif}
-main{max-width:1320px;margin:0 auto;padding:2rem 1.5rem 4rem}h1{font-size:1.8rem;margin:0 0 .5rem}
+main{max-width:1400px;margin:0 auto;padding:2rem 1.5rem 4rem}h1{font-size:1.8rem;margin:0 0 .5rem}
 h2{font-size:1.35rem;margin:3rem 0 .25rem;padding-top:1rem;border-top:2px solid var(--line)}p{max-width:75ch}
 .paper{color:var(--soft);margin:.25rem 0 1rem}.wide{overflow-x:auto}
 table{border-collapse:collapse;width:100%;background:var(--card);font-size:13.5px}
 th,td{padding:.4rem .6rem;border-bottom:1px solid var(--line);text-align:left;vertical-align:top}
 thead th{background:var(--tint);font-weight:600;white-space:nowrap}
-tbody tr:hover{background:var(--tint)}td.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
-td.item{min-width:13rem;font-weight:500}td.t{min-width:11rem}td.why{min-width:20rem;color:var(--soft)}
+tbody tr:hover{background:var(--tint)}
+td.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
+td.item{min-width:11rem;font-weight:500}td.t{min-width:6rem}td.claim{min-width:11rem}
+td.why{min-width:19rem;width:40%;color:var(--soft)}
 table.summary{width:auto}a{color:inherit}
-.badge{display:inline-block;padding:.05rem .5rem;border-radius:1rem;font-size:12px;font-weight:600;white-space:nowrap}
+.badge{display:inline-block;padding:.05rem .5rem;border-radius:1rem;font-size:12px;font-weight:600;
+line-height:1.3}td .badge{max-width:8.5rem}
 .reproduced{background:#d5efdc;color:#14532d}.reproduced_with_correction{background:#dbe8fb;color:#1e3a70}
 .refuted{background:#fadbd8;color:#7f1d1d}.not_determinable{background:#e6e3ef;color:#43366b}
-.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(430px,1fr));gap:1.25rem;margin-top:1.5rem}
+.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(520px,100%),1fr));gap:1.25rem;margin-top:1.5rem}
 figure{margin:0;background:var(--card);border:1px solid var(--line);border-radius:6px;padding:.75rem}
 figure img{width:100%;height:auto;display:block}figcaption{margin-top:.5rem;font-size:13px;color:var(--soft)}
 """
