@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -21,7 +22,7 @@ from rich.table import Table
 
 import fieldgym
 from fieldgym.agents import act_single, make_policy
-from fieldgym.mechanisms import FiveBar
+from fieldgym.mechanisms import FiveBar, ThreePRRS, ThreeUPSRPU, TranslationalFiveBar
 
 SAFFLOWER = "fieldgym/SafflowerPicking-v0"
 LINES: list[tuple[str, str, str]] = []
@@ -61,14 +62,83 @@ def kinematics(quick: bool) -> None:
         seconds = best_of(lambda p=points, n=repeats: [bar.inverse(p) for _ in range(n)], 5 if quick else 11)
         rates[batch] = batch * repeats / seconds
         LINES.append((f"five-bar inverse, batch {batch:,}", f"{rates[batch] / 1e6:.3f} million/s", ""))
+    for name, machine, poses in other_mechanisms(generator):
+        seconds = best_of(lambda m=machine, p=poses: m.inverse(p), 3 if quick else 7)
+        LINES.append((f"{name} inverse, batch {len(poses):,}", f"{len(poses) / seconds / 1e6:.3f} million/s", ""))
     numeric = pybullet_inverse_rate(bar, 100 if quick else 400)
     LINES.append(
         (
-            "PyBullet calculateInverseKinematics, two-link arm",
+            "PyBullet calculateInverseKinematics, one leg",
             f"{numeric / 1e6:.4f} million/s",
-            f"ratio {rates[1_000_000] / numeric:,.0f} to batch 1e6, {rates[1] / numeric:.1f} to batch 1",
+            f"five-bar is {rates[1_000_000] / numeric:,.0f} times that in batches, {rates[1] / numeric:.1f} one by one",
         )
     )
+    newton = pinocchio_inverse_rate(50 if quick else 200)
+    note = (
+        "pip install pin" if newton is None else f"five-bar is {rates[1_000_000] / newton:,.0f} times that in batches"
+    )
+    LINES.append(
+        (
+            "Pinocchio, Newton steps, one leg",
+            "not installed" if newton is None else f"{newton / 1e6:.4f} million/s",
+            note,
+        )
+    )
+
+
+def other_mechanisms(generator: np.random.Generator) -> list[tuple[str, Any, np.ndarray]]:
+    """The other machines with a million poses each, spread over their working boxes."""
+    batch = 1_000_000
+
+    def spread(low: list[float], high: list[float]) -> np.ndarray:
+        return generator.uniform(low, high, (batch, len(low)))
+
+    tilt = np.deg2rad(14.0)
+    sorter_low, sorter_high = [-0.1, -0.1, 0.0, -0.2, -0.2, -0.7], [0.1, 0.1, 0.1, 0.2, 0.2, 0.7]
+    return [
+        ("translational five-bar", TranslationalFiveBar.transplanter(), spread([-0.3, -0.66], [0.3, -0.51])),
+        ("3UPS-RPU", ThreeUPSRPU.weeder(), spread([-0.1, 0.5, -tilt, -tilt], [0.1, 0.7, tilt, tilt])),
+        ("3-PRRS", ThreePRRS.sorter(), spread(sorter_low, sorter_high)),
+    ]
+
+
+def pinocchio_inverse_rate(calls: int) -> float | None:
+    """Poses a second of damped Newton steps with Pinocchio on one leg of the picker; None where it is not installed."""
+    try:
+        import pinocchio
+    except ImportError:
+        return None
+    from fieldgym.simulation.assets import asset_path
+
+    with asset_path("urdf/picker/picker.urdf") as path:
+        model = pinocchio.buildModelFromUrdf(str(path))
+    data = model.createData()
+    frame = model.getFrameId("forearm1", pinocchio.FrameType.BODY)
+    tip = pinocchio.SE3(np.eye(3), np.array([0.0, FiveBar.safflower().forearm_m[0], 0.0]))
+    start = pinocchio.neutral(model)
+    start[model.joints[model.getJointId("arm1")].idx_q] = -2.0
+    start[model.joints[model.getJointId("forearm1")].idx_q] = 1.2
+    pinocchio.framesForwardKinematics(model, data, start)
+    home = (data.oMf[frame] * tip).translation.copy()
+
+    def solve() -> None:
+        for i in range(calls):
+            q = start.copy()
+            target = home + np.array([0.0, 0.02, 0.01 * (i % 5)])
+            for _ in range(50):
+                pinocchio.computeJointJacobians(model, data, q)
+                pinocchio.updateFramePlacements(model, data)
+                placed = data.oMf[frame] * tip
+                gap = target - placed.translation
+                if np.linalg.norm(gap) < 1e-9:
+                    break
+                full = pinocchio.getFrameJacobian(model, data, frame, pinocchio.LOCAL_WORLD_ALIGNED)
+                arm = placed.translation - data.oMf[frame].translation
+                jacobian = full[:3] - np.cross(arm, full[3:].T).T
+                step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-9 * np.eye(3), gap)
+                q = pinocchio.integrate(model, q, step)
+
+    return calls / best_of(solve, 3)
 
 
 def pybullet_inverse_rate(bar: FiveBar, calls: int) -> float:
