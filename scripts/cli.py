@@ -15,6 +15,7 @@ app = typer.Typer(
     help="Task-level control of agricultural parallel robots: which target next, and how.",
     epilog="Start with: fieldgym list; fieldgym run SafflowerPicking; fieldgym benchmark",
     no_args_is_help=True,
+    pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("run")(run.main)

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import fieldgym
-from fieldgym.scripts import cli
+from fieldgym.scripts import cli, run
 from fieldgym.scripts.common import CommandError, chosen, environment_id
 
 ENV = "fieldgym/SafflowerPicking-v0"
@@ -49,7 +49,6 @@ def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *w
         (["run", ENV, "--episodes", "0"], "--episodes 0: give at least 1"),
         (["run", ENV, "--seed", "-1"], "--seed -1: give 0 or more"),
         (["run", ENV, "--video", "film.gif"], "name a file that ends in .mp4"),
-        (["run", ENV, "--video", "film.mp4", "--backend", "analytic"], "use --backend pybullet"),
         (["run", ENV, "--video", "film.mp4", "--speed", "0"], "--speed 0.0: give a positive factor"),
         (["run"], "Missing argument 'ID'. See: fieldgym run --help"),
         (["rum"], "No such command 'rum'. Did you mean 'run'?"),
@@ -137,10 +136,37 @@ def test_run_summarises_many_episodes():
     assert output.split("scorecard")[1].split()[:4] == ["mean", "SD", "least", "most"]
 
 
+@pytest.mark.parametrize("backend", ["analytic", "pybullet"])
+def test_video_shows_the_episode(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, backend: str):
+    import imageio.v2
+
+    make = run._make
+    monkeypatch.setattr(run, "_make", lambda env_id, options: make(env_id, {**options, "max_episode_steps": 3}))
+    path = tmp_path / "films" / "picking.mp4"
+    words = ["run", ENV, "--backend", backend, "--perception", "perfect", "--quiet", "--video", str(path)]
+    result = CliRunner().invoke(cli.app, [*words, "--speed", "100"])
+    assert result.exit_code == 0, result.output
+    assert [file.name for file in path.parent.iterdir()] == ["picking.mp4"]
+    frames = [frame.astype(float) for frame in imageio.v2.mimread(path)]
+    assert len(frames) > 5
+    assert frames[0].std() > 10.0
+    assert max(abs(frame - frames[0]).mean() for frame in frames) > 0.5
+
+
 @pytest.mark.slow
 def test_benchmark_is_the_same_on_one_process_and_on_two(tmp_path: Path):
     def records(jobs: int) -> list[dict]:
-        words = ["benchmark", "--backend", "analytic", "--episodes", "2", "--out", str(tmp_path / str(jobs))]
+        words = [
+            "benchmark",
+            "--env",
+            ENV,
+            "--backend",
+            "analytic",
+            "--episodes",
+            "2",
+            "--out",
+            str(tmp_path / str(jobs)),
+        ]
         result = fieldgym_command(*words, "--jobs", str(jobs))
         assert result.returncode == 0, result.stderr
         assert "grams-per-second" in result.stdout
@@ -156,7 +182,7 @@ def test_benchmark_is_the_same_on_one_process_and_on_two(tmp_path: Path):
 
 @pytest.mark.slow
 def test_ctrl_c_tells_how_to_go_on_and_that_command_completes_the_table(tmp_path: Path):
-    words = ["benchmark", "--backend", "analytic", "--episodes", "100", "--out", str(tmp_path)]
+    words = ["benchmark", "--env", ENV, "--backend", "analytic", "--episodes", "100", "--out", str(tmp_path)]
     process = subprocess.Popen(
         [sys.executable, "-m", "fieldgym.scripts.cli", *words, "--policies", "fixed-order,nearest"],
         stdout=subprocess.PIPE,
