@@ -136,6 +136,7 @@ def test_run_summarises_many_episodes():
     assert output.split("scorecard")[1].split()[:4] == ["mean", "SD", "least", "most"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["analytic", "pybullet"])
 def test_video_shows_the_episode(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, backend: str):
     import imageio.v2
