@@ -180,9 +180,9 @@ def _chapter_html(result: ChapterResult) -> str:
         item, published, computed, corrected, deviation, _, why = (html.escape(text) for text in row(finding))
         kind = "n" if finding.deviation is not None else "t"
         rows += (
-            f'<tr><td class="item">{item}</td><td class="{kind} claim">{published}</td><td class="{kind}">{computed}</td>'
-            f'<td class="{kind}">{corrected}</td><td class="n">{deviation}</td><td>{_badge(finding.verdict)}</td>'
-            f'<td class="why">{why}</td></tr>'
+            f'<tr><td class="item">{item}</td><td class="{kind} claim">{published}</td>'
+            f'<td class="{kind}">{computed}</td><td class="{kind}">{corrected}</td><td class="n">{deviation}</td>'
+            f'<td>{_badge(finding.verdict)}</td><td class="why">{why}</td></tr>'
         )
     figures = "".join(
         f'<figure id="{result.key}-{figure.stem}"><a href="{figure.svg}"><img src="{figure.shown}" '
