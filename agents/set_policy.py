@@ -1,0 +1,164 @@
+"""A policy network for which candidates are a set: slot order changes nothing but the order of the logits.
+
+One encoder sees every candidate together with the machine; what it makes of the present ones is pooled (mean, maximum)
+into a context; each candidate's logits come from its own code and the context, the actions that belong to no candidate
+and the value from the context alone (Zaheer et al. 2017, Deep Sets). PyTorch is imported only here.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from sb3_contrib.common.maskable.policies import MaskableMultiInputActorCriticPolicy
+from stable_baselines3.common.policies import MultiInputActorCriticPolicy
+from torch import Tensor, nn
+
+from .layout import Layout
+
+MASKED = -1e8
+"""Logit of what is not possible, as sb3-contrib writes it."""
+
+
+class SetEncoder(nn.Module):
+    """Codes of the candidates (B, K, H) and a context (B, H)."""
+
+    def __init__(self, layout: Layout, hidden: int):
+        """Make the layers."""
+        super().__init__()
+        self.layout = layout
+        self.candidate = nn.Linear(layout.features, hidden)
+        self.machine = nn.Linear(layout.machine, hidden, bias=False)
+        self.second = nn.Linear(hidden, hidden)
+        self.context = nn.Linear(2 * hidden + layout.machine + 1, hidden)
+
+    def forward(self, machine: Tensor, candidates: Tensor) -> tuple[Tensor, Tensor]:
+        """Encode machine (B, m) and candidates (B, K, F)."""
+        present = (candidates[..., :1] > 0.0).to(candidates.dtype)
+        code = torch.relu(self.candidate(candidates) + self.machine(machine)[:, None])
+        code = torch.relu(self.second(code))
+        there = code * present
+        count = present.sum(dim=1)
+        mean = there.sum(dim=1) / count.clamp(min=1.0)
+        pooled = torch.cat([mean, there.amax(dim=1), machine, count / self.layout.candidates], dim=1)
+        return code, torch.relu(self.context(pooled))
+
+
+class SetActor(nn.Module):
+    """Logits (B, actions)."""
+
+    def __init__(self, layout: Layout, hidden: int):
+        """Make the layers."""
+        super().__init__()
+        self.layout = layout
+        self.encoder = SetEncoder(layout, hidden)
+        self.own = nn.Linear(hidden, hidden)
+        self.shared = nn.Linear(hidden, hidden, bias=False)
+        self.options = nn.Linear(hidden, layout.blocks * layout.options)
+        self.extras = nn.Linear(hidden, layout.blocks * layout.extras)
+
+    def forward(self, machine: Tensor, candidates: Tensor) -> Tensor:
+        """Logits of machine (B, m) and candidates (B, K, F)."""
+        code, context = self.encoder(machine, candidates)
+        joined = torch.relu(self.own(code) + self.shared(context)[:, None])
+        return self.layout.join(self.options(joined), self.extras(context), torch.cat)
+
+
+class SetCritic(nn.Module):
+    """Value (B, 1)."""
+
+    def __init__(self, layout: Layout, hidden: int):
+        """Make the layers."""
+        super().__init__()
+        self.encoder = SetEncoder(layout, hidden)
+        self.second = nn.Linear(hidden, hidden)
+        self.value = nn.Linear(hidden, 1)
+
+    def forward(self, machine: Tensor, candidates: Tensor) -> Tensor:
+        """Value of machine (B, m) and candidates (B, K, F)."""
+        _, context = self.encoder(machine, candidates)
+        return self.value(torch.relu(self.second(context)))
+
+
+class SetNetwork(nn.Module):
+    """Actor and critic over the concatenated observation, in the place where SB3 has its ``mlp_extractor``."""
+
+    def __init__(self, layout: Layout, hidden: int, critic_hidden: int):
+        """Make the layers."""
+        super().__init__()
+        self.layout = layout
+        self.latent_dim_pi, self.latent_dim_vf = layout.actions, 1
+        self.actor = SetActor(layout, hidden)
+        self.critic = SetCritic(layout, critic_hidden)
+
+    def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Logits and value of features (B, .) in the order of the observation's keys."""
+        return self.forward_actor(features), self.forward_critic(features)
+
+    def forward_actor(self, features: Tensor) -> Tensor:
+        """Logits; what the observation's mask forbids gets ``MASKED``."""
+        mask, machine, candidates = self._split(features)
+        return torch.where(mask > 0.0, self.actor(machine, candidates), MASKED)
+
+    def forward_critic(self, features: Tensor) -> Tensor:
+        """Value (B, 1)."""
+        _, machine, candidates = self._split(features)
+        return self.critic(machine, candidates)
+
+    def _split(self, features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        # Gymnasium's Dict sorts its keys: action_mask, candidates, machine.
+        layout = self.layout
+        flat = layout.candidates * layout.features
+        mask, candidates, machine = torch.split(features, [layout.actions, flat, layout.machine], dim=1)
+        return mask, machine, candidates.reshape(-1, layout.candidates, layout.features)
+
+
+class _SetPolicy:
+    """What the two policies below share."""
+
+    layout: Layout
+    hidden: int
+    critic_hidden: int
+    mlp_extractor: Any
+
+    def __init__(
+        self, *args: Any, layout: dict[str, int] | Layout, hidden: int = 64, critic_hidden: int = 64, **kwargs: Any
+    ):
+        self.layout = layout if isinstance(layout, Layout) else Layout(**layout)
+        self.hidden, self.critic_hidden = hidden, critic_hidden
+        super().__init__(*args, net_arch=[], **kwargs)  # type: ignore[call-arg]
+
+    def _build(self, lr_schedule: Any) -> None:
+        self.mlp_extractor = SetNetwork(self.layout, self.hidden, self.critic_hidden)
+        network = self.mlp_extractor
+        for module in network.modules():
+            if isinstance(module, nn.Linear):
+                nn.init.orthogonal_(module.weight, gain=2.0**0.5)
+                if module.bias is not None:
+                    nn.init.zeros_(module.bias)
+        # A policy that begins nearly uniform, a value that begins near zero.
+        for head, gain in ((network.actor.options, 0.01), (network.actor.extras, 0.01), (network.critic.value, 1.0)):
+            nn.init.orthogonal_(head.weight, gain=gain)
+        self.action_net, self.value_net = nn.Identity(), nn.Identity()
+        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[attr-defined]
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        data = super()._get_constructor_parameters()  # type: ignore[misc]
+        data.pop("net_arch", None)
+        return {**data, "layout": self.layout, "hidden": self.hidden, "critic_hidden": self.critic_hidden}
+
+
+class MaskableSetPolicy(_SetPolicy, MaskableMultiInputActorCriticPolicy):
+    """Set policy for ``MaskablePPO``.
+
+    Args:
+        *args: as SB3 passes them.
+        layout: of the task, see ``layout_of``.
+        hidden: width of the actor.
+        critic_hidden: width of the critic.
+        **kwargs: as SB3 passes them.
+    """
+
+
+class SetPolicy(_SetPolicy, MultiInputActorCriticPolicy):
+    """Set policy for ``PPO``: it takes the mask from the observation. Args as in ``MaskableSetPolicy``."""
