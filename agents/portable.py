@@ -200,7 +200,7 @@ def shipped(env_id: str, scenario: str | None = None) -> Path | None:
         env_id: registered id.
         scenario: the policy trained on this scenario where there is one, else one of another scenario.
     """
-    folder = resources.files(__name__.rsplit(".", 2)[0]).joinpath("assets", "policies")
+    folder = resources.files(__name__.rsplit(".", 2)[0]) / "assets" / "policies"
     stem = env_id.split("/")[-1]
     if not isinstance(folder, Path) or not folder.is_dir():
         return None

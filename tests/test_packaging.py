@@ -27,9 +27,11 @@ def source_files() -> set[str]:
     files = {"py.typed"} | {path.name for path in ROOT.glob("*.py")}
     for room in ROOT.iterdir():
         if room.is_dir() and tracked(room) and room.name not in NOT_PACKAGED:
-            wanted = "*" if room.name == "assets" else "*.py"
+            kept = {".py", ".yaml"}
             files |= {
-                path.relative_to(ROOT).as_posix() for path in room.rglob(wanted) if path.is_file() and tracked(path)
+                path.relative_to(ROOT).as_posix()
+                for path in room.rglob("*")
+                if path.is_file() and tracked(path) and (room.name == "assets" or path.suffix in kept)
             }
     return files
 
