@@ -64,17 +64,34 @@ def _weeding_speed() -> dict[str, Factory]:
     }
 
 
+def _sorting() -> dict[str, Factory]:
+    from . import sorting as rules
+
+    return {
+        "random": lambda config, seed: RandomPolicy(seed),
+        "fifo": lambda config, seed: rules.Fifo(),
+        "edf": lambda config, seed: rules.EarliestDeadline(),
+        "nearest": lambda config, seed: rules.Nearest(),
+        "shortest-cycle": lambda config, seed: rules.ShortestCycle(),
+        "value-per-second": lambda config, seed: rules.ValuePerSecond(),
+        "receding-horizon": lambda config, seed: rules.RecedingHorizon(config),
+        "receding-horizon-value": lambda config, seed: rules.RecedingHorizon(config, by_value=True),
+    }
+
+
 _POLICIES: dict[str, Callable[[], dict[str, Factory]]] = {
     "fieldgym/SafflowerPicking-v0": _safflower,
     "fieldgym/TrayTransplanting-v0": _transplanting,
     "fieldgym/LaserWeeding-v0": _weeding,
     "fieldgym/LaserWeedingSpeed-v0": _weeding_speed,
+    "fieldgym/ProduceSorting-v0": _sorting,
 }
 _REFERENCES = {
     "fieldgym/SafflowerPicking-v0": "fixed-order",
     "fieldgym/TrayTransplanting-v0": "fixed-order",
     "fieldgym/LaserWeeding-v0": "fifo",
     "fieldgym/LaserWeedingSpeed-v0": "constant-1",
+    "fieldgym/ProduceSorting-v0": "fifo",
 }
 
 

@@ -78,6 +78,19 @@ TASKS = (
         entry_point="fieldgym.envs.weeding.env:LaserWeedingSpeedEnv",
         vector_entry_point="fieldgym.envs.weeding.env:LaserWeedingSpeedVectorEnv",
     ),
+    TaskDescription(
+        id="fieldgym/ProduceSorting-v0",
+        machine="six-degree-of-freedom 3-PRRS with a two-finger gripper over a moving belt",
+        paper="Du, Guo, Niu 2015, J. Shandong Univ. Technol. 29(5) 43-48",
+        decision="which item next, or wait",
+        actions="Discrete(K + 1): slot, or wait",
+        scenarios=("load-0.7", "load-1.0", "load-1.25", "load-1.6", "clumped-1.25"),
+        headline_scenario="load-1.25",
+        backends=("pybullet", "analytic"),
+        perceptions=("perfect", "model", "camera"),
+        entry_point="fieldgym.envs.sorting.env:ProduceSortingEnv",
+        vector_entry_point="fieldgym.envs.sorting.env:ProduceSortingVectorEnv",
+    ),
 )
 
 ENV_IDS = tuple(task.id for task in TASKS)

@@ -202,3 +202,20 @@ def upright_to(direction: Array) -> Array:
 def yaw(angle_rad: float) -> tuple[float, float, float, float]:
     """Quaternion (x, y, z, w) of a turn about z."""
     return (0.0, 0.0, float(np.sin(0.5 * angle_rad)), float(np.cos(0.5 * angle_rad)))
+
+
+def ellipsoid(half_axes_m: tuple[float, ...], rings: int = 14, sides: int = 24) -> Mesh:
+    """Ellipsoid about the origin with smooth normals; its longest axis goes along x by convention."""
+    polar = np.linspace(0.0, np.pi, rings + 1)[:, None]
+    around = 2.0 * np.pi * np.arange(sides) / sides
+    ball = np.stack(
+        np.broadcast_arrays(np.cos(polar), np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around)), axis=-1
+    ).reshape(-1, 3)
+    half = np.array(half_axes_m)
+    normals = ball / half
+    first = (np.arange(rings)[:, None] * sides + np.arange(sides)).ravel()
+    second = (np.arange(rings)[:, None] * sides + (np.arange(sides) + 1) % sides).ravel()
+    triangles = np.concatenate(
+        [np.stack([first, first + sides, second], -1), np.stack([second, first + sides, second + sides], -1)]
+    )
+    return Mesh(half * ball, triangles, normals / np.linalg.norm(normals, axis=1, keepdims=True))

@@ -66,7 +66,7 @@ class SorterParameters:
         return self.belt_height_m + self.origin_above_belt_m
 
 
-SORTER_ASSETS = tuple(f"urdf/sorter/leg{leg}.urdf" for leg in (1, 2, 3)) + ("urdf/sorter/platform.urdf",)
+SORTER_ASSETS = (*(f"urdf/sorter/leg{leg}.urdf" for leg in (1, 2, 3)), "urdf/sorter/platform.urdf")
 
 ALUMINIUM = Colour("aluminium", 0.76, 0.78, 0.81)
 CARBON = Colour("carbon", 0.12, 0.12, 0.13)

@@ -89,21 +89,30 @@ class GripConfig:
 
 @dataclass(frozen=True)
 class ProduceConfig:
-    """What comes down the belt; an ellipsoid with length >= width >= thickness [all assumed]."""
+    """What comes down the belt: ellipsoids with length >= width >= thickness [all assumed].
+
+    Sizes and shapes are uniform on a raster over their ranges, ends included, so that the rendered world can hold a
+    body of every kind.
+    """
 
     fruit_share: float = 0.5
     tuber_length_m: tuple[float, float] = (0.044, 0.080)
-    """Uniform; typical sorting sizes."""
-    ware_from_m: float = 0.062
+    """Typical sorting sizes."""
+    ware_from_m: float = 0.061
     """Tubers at least this long are ware, shorter ones seed."""
     tuber_width: tuple[float, float] = (0.62, 0.80)
-    """Width / length, uniform."""
+    """Width / length."""
     fruit_length_m: tuple[float, float] = (0.044, 0.064)
     fruit_width: tuple[float, float] = (0.92, 1.0)
     thickness: tuple[float, float] = (0.72, 0.86)
-    """Thickness / width, uniform."""
+    """Thickness / width."""
+    length_step_m: float = 0.002
+    shape_levels: int = 3
+    """Levels of either ratio."""
     ripe_from: float = 0.5
     """Ripeness is uniform in [0, 1]; fruits at least this ripe are ripe."""
+    skin_sigma: float = 0.06
+    """How far the skin's colour is from what the ripeness says, on the same scale."""
     tilt_sigma_rad: float = radians(9.0)
     """Items lean on the ribs of the belt and on each other: Rayleigh."""
     tilt_max_rad: float = radians(40.0)
@@ -113,7 +122,7 @@ class ProduceConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        _require(self, 0.0, "fruit_share", "ripe_from", high=1.0)
+        _require(self, 0.0, "fruit_share", "ripe_from", "skin_sigma", high=1.0)
         _require(self, 0.0, "tilt_sigma_rad", high=pi / 4)
         for name in ("tuber_length_m", "fruit_length_m", "tuber_width", "fruit_width", "thickness"):
             low, high = getattr(self, name)
@@ -122,6 +131,8 @@ class ProduceConfig:
         for name in ("tuber_width", "fruit_width", "thickness"):
             if getattr(self, name)[1] > 1.0:
                 raise ValueError(f"{name} = {getattr(self, name)}: length >= width >= thickness needs ratios <= 1")
+        _require(self, 1e-4, "length_step_m")
+        _require(self, 1, "shape_levels")
         if len(self.value) != len(GRADES):
             raise ValueError(f"value = {self.value}: give {len(GRADES)} numbers, one a grade {GRADES}")
 
@@ -140,6 +151,9 @@ class BeltConfig:
     """Belt travel between two images; an item is reported from the image that shows it nearest the middle."""
     latency_s: float = 0.15
     """From the image to the report."""
+    slip_sigma_m: float = 0.002
+    """Along and across: where an item is gripped against where the camera and the belt's encoder put it; slip, rolling,
+    and the registration of camera and machine."""
     start_x_m: float = -0.16
     """Where the first item may be when the episode begins: the stream is running already."""
     exit_x_m: float = 0.18
@@ -150,7 +164,7 @@ class BeltConfig:
     def __post_init__(self) -> None:
         """Check the ranges."""
         _require(self, 1e-3, "speed_m_s", "camera_step_m")
-        _require(self, 0.0, "latency_s", "item_half_width_m")
+        _require(self, 0.0, "latency_s", "item_half_width_m", "slip_sigma_m")
         if len(self.bins_m) != len(GRADES):
             raise ValueError(f"bins_m = {self.bins_m}: give {len(GRADES)} places, one a grade {GRADES}")
         if not self.camera_x_m + self.camera_step_m < 0.0 < self.exit_x_m:
@@ -159,8 +173,10 @@ class BeltConfig:
 
 @dataclass(frozen=True)
 class PerceptionModel:
-    """What the camera reports, as a statistical model (see ``scripts/measure_produce_camera.py``); kinds are tuber
-    and fruit."""
+    """What the camera reports, as a statistical model; kinds are tuber and fruit.
+
+    See ``scripts/measure_produce_camera.py``.
+    """
 
     recall: float
     false_per_item: float

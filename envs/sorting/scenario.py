@@ -23,7 +23,7 @@ FRUIT = 1
 
 _FALSE_RESERVE = 5.0
 _NEIGHBOURS = 5
-_DRAWS, _SEEN_DRAWS, _SEEN_NORMALS = 13, 2, 9
+_DRAWS, _NORMALS, _SEEN_DRAWS, _SEEN_NORMALS = 13, 3, 2, 9
 _GHOST_DRAWS = 6
 
 
@@ -42,9 +42,11 @@ class Items:
         width: see ``length_m``.
         thickness: see ``length_m``.
         ripeness: (R, N), of fruits.
+        skin: (R, N), ripeness that the skin's colour suggests.
         grade: (R, N), index into ``GRADES``.
         exists: (R, N).
         luck: (R, N, 2), uniform: the grip's and the way's.
+        slip_m: (R, N, 2), how far, along and across, the item has left its place on the belt when it is gripped.
     """
 
     arrival_s: Array
@@ -57,9 +59,11 @@ class Items:
     width: Array
     thickness: Array
     ripeness: Array
+    skin: Array
     grade: NDArray[np.int64]
     exists: NDArray[np.bool_]
     luck: Array
+    slip_m: Array
 
 
 @dataclass(frozen=True)
@@ -107,15 +111,23 @@ def ghost_slots(config: SortingConfig, perception: PerceptionModel) -> int:
     return len(false_table(perception.false_per_item * config.scenario.rate_hz * config.scenario.stream_s))
 
 
-def random_numbers(config: SortingConfig, perception: PerceptionModel) -> tuple[int, int, int]:
-    """Lengths of a world's blocks: uniform numbers of the stream, uniform and normal ones of the camera."""
+def random_numbers(config: SortingConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
+    """Lengths of a world's blocks: uniform and normal numbers of the stream, then of the camera."""
     n = config.scenario.max_items
-    return _DRAWS * n, _SEEN_DRAWS * n + 1 + _GHOST_DRAWS * ghost_slots(config, perception), _SEEN_NORMALS * n
+    return (
+        _DRAWS * n,
+        _NORMALS * n,
+        _SEEN_DRAWS * n + 1 + _GHOST_DRAWS * ghost_slots(config, perception),
+        _SEEN_NORMALS * n,
+    )
 
 
-def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int, int]) -> list[Array]:
+def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int, int, int]) -> list[Array]:
     """One block (R, n) for each of ``random_numbers``' lengths; the stream's numbers come first."""
-    rows = [(g.random(lengths[0]), g.random(lengths[1]), g.standard_normal(lengths[2])) for g in generators]
+    rows = [
+        (g.random(lengths[0]), g.standard_normal(lengths[1]), g.random(lengths[2]), g.standard_normal(lengths[3]))
+        for g in generators
+    ]
     return [np.stack(column) for column in zip(*rows, strict=True)]
 
 
@@ -159,20 +171,26 @@ def grades(produce: ProduceConfig, kind: NDArray[np.int64], length_m: Array, rip
     return 2 * kind + second
 
 
-def draw_items(config: SortingConfig, uniform: Array) -> Items:
+def draw_items(config: SortingConfig, uniform: Array, normal: Array) -> Items:
     """Lay the items of R worlds on the belt from their random blocks (R, .)."""
     scenario, produce, belt = config.scenario, config.produce, config.belt
     n = scenario.max_items
     u = np.ascontiguousarray(uniform.reshape(len(uniform), _DRAWS, n).swapaxes(0, 1))
+    z = np.ascontiguousarray(normal.reshape(len(normal), _NORMALS, n).swapaxes(0, 1))
     kind = (u[6] < produce.fruit_share).astype(np.int64)
 
-    def pick(tuber: tuple[float, float], fruit: tuple[float, float], draw: Array) -> Array:
-        ranges = np.array([tuber, fruit])
-        return ranges[kind, 0] + (ranges[kind, 1] - ranges[kind, 0]) * draw
+    def pick(tuber: tuple[float, float], fruit: tuple[float, float], levels: Array, draw: Array) -> Array:
+        """A value on a raster of ``levels`` over the range of each item's kind."""
+        low, high = np.array([tuber, fruit]).T
+        count = levels[kind]
+        return low[kind] + (high - low)[kind] * (np.floor(draw * count) / np.maximum(count - 1.0, 1.0))
 
-    length = pick(produce.tuber_length_m, produce.fruit_length_m, u[7])
-    width = pick(produce.tuber_width, produce.fruit_width, u[8])
-    thickness = width * pick(produce.thickness, produce.thickness, u[9])
+    lengths = np.array([produce.tuber_length_m, produce.fruit_length_m])
+    steps = np.round((lengths[:, 1] - lengths[:, 0]) / produce.length_step_m) + 1.0
+    ratios = np.full(2, float(produce.shape_levels))
+    length = pick(produce.tuber_length_m, produce.fruit_length_m, steps, u[7])
+    width = pick(produce.tuber_width, produce.fruit_width, ratios, u[8])
+    thickness = width * pick(produce.thickness, produce.thickness, ratios, u[9])
     start = np.cumsum(gaps(scenario, u[0], u[1]), axis=1)
     exists = start < scenario.stream_s
     y = belt.item_half_width_m * (2.0 * u[2] - 1.0)
@@ -191,9 +209,11 @@ def draw_items(config: SortingConfig, uniform: Array) -> Items:
         width=width,
         thickness=thickness,
         ripeness=u[10],
+        skin=np.clip(u[10] + produce.skin_sigma * z[2], 0.0, 1.0),
         grade=grades(produce, kind, length, u[10]),
         exists=exists,
         luck=np.stack([u[11], u[12]], axis=-1),
+        slip_m=belt.slip_sigma_m * np.stack([z[0], z[1]], axis=-1),
     )
 
 

@@ -160,7 +160,7 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self._window = np.arange(k + _WINDOW_MORE)
         self._item_offset, self._report_offset = self._rows * (items + 1), self._rows * (reports + 1)
         # True items, one row a quantity so that a gather brings contiguous columns; the last item is none.
-        self._truth = np.zeros((13, b, items + 1))
+        self._truth = np.zeros((15, b, items + 1))
         self.item_free = np.zeros((b, items + 1), bool)
         self.item_grade = np.zeros((b, items + 1), np.int64)
         self.item_shape = np.zeros((b, items + 1, 7))
@@ -178,6 +178,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self.turn = np.zeros((b, 4))
         self.totals = np.zeros((b, 9))
         self.phases_s = np.zeros((b, len(self.phase_names)))
+        self.sensor_seed = np.zeros(b, np.int64)
+        self.episode = np.zeros(b, np.int64)
         self._survey_now: _Survey | None = None
 
     @property
@@ -189,8 +191,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         """Draw new streams for ``rows``; the belt is full up to the reach, the platform rests in the middle."""
         if len(rows) == 0:
             return
-        uniform, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
-        items = draw_items(self.config, uniform)
+        uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
+        items = draw_items(self.config, uniform, normal)
         long_axis, short_axis = item_axes(items.yaw, items.tilt, items.azimuth)
         truth = self._truth
         truth[0, rows, :-1] = items.arrival_s
@@ -199,8 +201,9 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         truth[6:9, rows, :-1] = np.moveaxis(short_axis, -1, 0)
         truth[9, rows, :-1], truth[10, rows, :-1] = (1.0 - items.width) ** 2, (1.0 - items.thickness) ** 2
         truth[11, rows, :-1], truth[12, rows, :-1] = items.luck[..., 0], items.luck[..., 1]
+        truth[13, rows, :-1], truth[14, rows, :-1] = items.slip_m[..., 0], items.slip_m[..., 1]
         self.item_free[rows, :-1], self.item_grade[rows, :-1] = items.exists, items.grade
-        shape = (items.length_m, items.width, items.thickness, items.yaw, items.tilt, items.azimuth, items.ripeness)
+        shape = (items.length_m, items.width, items.thickness, items.yaw, items.tilt, items.azimuth, items.skin)
         for column, values in enumerate(shape):
             self.item_shape[rows, :-1, column] = values
         self.total[rows] = items.exists.sum(axis=1)
@@ -210,6 +213,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self.totals[rows], self.phases_s[rows] = 0.0, 0.0
         self.place[rows], self.turn[rows] = 0.0, (1.0, 0.0, 0.0, 0.0)
         self._first[rows] = 0
+        self.episode[rows] += 1
+        self.sensor_seed[rows] = (camera_uniform[:, 0] * 2.0**52).astype(np.int64)
         self.leave_s[rows], self.seen_s[rows] = np.inf, np.inf
         self.report_item[rows] = self._no_item
         self._feature[rows] = 0.0
@@ -220,7 +225,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
 
     def receive(self, row: int, reports: Reports) -> None:
         """Add a camera's reports (1, n) to one world; those that do not fit in the memory are forgotten."""
-        kept = np.flatnonzero(np.isfinite(self.seen_s[row]))
+        # What is done or has left makes room.
+        kept = np.flatnonzero(np.isfinite(self.seen_s[row]) & (self.leave_s[row] > self.totals[row, _TIME]))
         n = min(reports.arrival_s.shape[1], self._no_report - len(kept))
         if n <= 0:
             return
@@ -236,6 +242,9 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self.seen_s[row, :m] = np.concatenate([old["seen_s"], part.seen_s[0]])[order]
         self.report_item[row, :m] = np.concatenate([old["report_item"], part.item[0]])[order]
         self.report_grade[row, :m] = np.concatenate([old["report_grade"], part.grade[0]])[order]
+        for name, nothing in (("leave_s", np.inf), ("seen_s", np.inf), ("report_item", self._no_item)):
+            getattr(self, name)[row, m:] = nothing
+        self._feature[row, m:] = 0.0
         self._first[row] = 0
         self._survey_now = None
 
@@ -285,8 +294,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         truth = self._truth_of(plan)
         tool_m, config = self.config.machine.sorter.tool_m, self.config.grip
         closing_s = self.totals[:, _TIME] + plan.phases_s[:, 0] + plan.phases_s[:, 1] + plan.phases_s[:, 2]
-        along = position[:, 0] - tool_m * axes[3] - self._speed * (closing_s - truth[0])
-        across = position[:, 1] - tool_m * axes[4] - truth[1]
+        along = position[:, 0] - tool_m * axes[3] - self._speed * (closing_s - truth[0]) - truth[13]
+        across = position[:, 1] - tool_m * axes[4] - truth[1] - truth[14]
         above = self.config.machine.sorter.origin_above_belt_m
         up = position[:, 2] - tool_m * axes[5] + above - truth[2]
         in_line = axes[0] * truth[3] + axes[1] * truth[4] + axes[2] * truth[5]
@@ -403,6 +412,14 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         words = [(placed, "placed"), (misplaced, "wrong bin"), (dropped, "dropped"), (wasted, "nothing held")]
         what = next((word for value, word in words if value), "no reward")
         return f"{grade} from slot {int(plan.slot[row])}: {what}, {elapsed:.2f} s"
+
+    def item_truth(self, row: int, item: int | slice = slice(None)) -> Array:
+        """True numbers of an item, or of all: passing time, y, z, long axis, short axis, ...; for drawing alone."""
+        return self._truth[:, row, item]
+
+    def item_exists(self, row: int) -> NDArray[np.bool_]:
+        """Which of a world's item slots (N + 1,) hold an item, on the belt or not; for drawing alone."""
+        return np.isfinite(self._truth[0, row]) & (np.arange(self._no_item + 1) < self._no_item)
 
     def item_mass_kg(self, plan: SorterPlan, row: int = 0) -> float:
         """Mass of the item that a world's plan goes for; 0 where there is none."""

@@ -1,0 +1,199 @@
+"""The sorting cell in a render client: belt, bins, gantry, machine, produce, its camera and one for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...simulation.camera import Camera, RgbdFrame
+from ...simulation.client import PhysicsClient, pybullet
+from ...simulation.meshes import Mesh, Pool, box, ellipsoid, merged, rotation_z, turned
+from ...simulation.sorter import SorterMachine
+from ...simulation.sorter_model import GANTRY_LEVEL_M
+from ..core import Array
+from .config import GRADES, BeltConfig, SortingConfig
+
+BELT, RIB, FRAME = (0.13, 0.27, 0.36, 1.0), (0.10, 0.22, 0.30, 1.0), (0.80, 0.82, 0.84, 1.0)
+POST, FLOOR, DARK = (0.20, 0.36, 0.55, 1.0), (0.66, 0.67, 0.66, 1.0), (0.10, 0.10, 0.11, 1.0)
+BIN = {"ware": (0.78, 0.60, 0.36, 1.0), "seed": (0.60, 0.44, 0.26, 1.0), "ripe": (0.80, 0.16, 0.12, 1.0),
+       "green": (0.36, 0.62, 0.20, 1.0)}  # fmt: skip
+"""Bins wear the colour of what belongs into them."""
+
+BELT_START_M, BELT_END_M = -0.95, 0.55
+RIB_PITCH_M = 0.06
+CAMERA_HEIGHT_M = 0.52
+"""Of the camera above the belt."""
+_TUBER, _GREEN_HUE, _RED_HUE = (0.70, 0.53, 0.32), 95.0, 6.0
+
+
+class ShownItem(NamedTuple):
+    """An item as it is drawn: identity, world position (3,), quaternion (w, x, y, z), full axes (3,), colour."""
+
+    key: int
+    position: Array
+    quaternion: Array
+    axes_m: tuple[float, float, float]
+    colour: tuple[float, float, float, float]
+
+
+def item_colour(fruit: bool, ripeness: float, shade: float) -> tuple[float, float, float, float]:
+    """Colour of an item: tubers are tan, fruits go from green over yellow to red; ``shade`` in [0, 1] varies it."""
+    bright = 0.90 + 0.20 * shade
+    if not fruit:
+        red, green, blue = (float(bright * part) for part in _TUBER)
+    else:
+        hue = (_GREEN_HUE + (_RED_HUE - _GREEN_HUE) * ripeness) / 60.0
+        value, saturation = min(0.80 * bright, 1.0), 0.82
+        low = value * (1.0 - saturation)
+        up = low + (value - low) * (hue if hue < 1.0 else 2.0 - hue)
+        red, green, blue = (value, up, low) if hue < 1.0 else (up, value, low)
+    return (round(red, 3), round(green, 3), round(blue, 3), 1.0)
+
+
+class SorterScene:
+    """Draws the cell. Bodies of the cell are made once; items' shapes are kept and their bodies come and go."""
+
+    def __init__(self, config: SortingConfig, *, window: bool = False):
+        """Make the client, the cell and the machine.
+
+        Raises:
+            RuntimeError: a window was asked for and there is no display.
+        """
+        self._config = config
+        sorter = config.machine.sorter
+        self._client = PhysicsClient(sorter.physics_hz, gui=window)
+        self._top = sorter.belt_height_m
+        self._build(config.belt, sorter.origin_height_m)
+        self._machine = SorterMachine(sorter, self._client)
+        self._eye = Camera(320, 240, 2.0 * float(np.arctan2(0.125, CAMERA_HEIGHT_M)), 0.2, 1.5)
+        self._shapes: dict[tuple[float, float, float], int] = {}
+        self._bodies: dict[int, int] = {}
+
+    def set_machine(self, pose: ArrayLike) -> None:
+        """Put the platform at a pose (6,) of the mechanism."""
+        self._require_open()
+        self._machine.place(pose)
+
+    def set_belt(self, travel_m: float) -> None:
+        """Show the belt after it has run ``travel_m``."""
+        self._require_open()
+        pool = self._ribs
+        pool.clear()
+        pool.place((travel_m % RIB_PITCH_M, 0.0, self._top))
+
+    def set_items(self, items: Sequence[ShownItem]) -> None:
+        """Show these items and no others."""
+        self._require_open()
+        client = self._client.id
+        for key in set(self._bodies) - {item.key for item in items}:
+            pybullet.removeBody(self._bodies.pop(key), physicsClientId=client)
+        for item in items:
+            w, x, y, z = (float(part) for part in item.quaternion)
+            where, turn = [float(part) for part in item.position], [x, y, z, w]
+            body = self._bodies.get(item.key)
+            if body is not None:
+                pybullet.resetBasePositionAndOrientation(body, where, turn, physicsClientId=client)
+                continue
+            body = pybullet.createMultiBody(0.0, -1, self._shape(item.axes_m), where, turn, physicsClientId=client)
+            pybullet.changeVisualShape(body, -1, rgbaColor=list(item.colour), physicsClientId=client)
+            self._bodies[item.key] = body
+
+    def look(self) -> RgbdFrame:
+        """What the cell's camera sees, straight down on the belt upstream; the image's long side lies across it."""
+        self._require_open()
+        eye = np.array([self._config.belt.camera_x_m, 0.0, self._top + CAMERA_HEIGHT_M])
+        return self._eye.look(self._client, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+
+    def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
+        """Picture (height, width, 3) of the cell from beside the belt."""
+        self._require_open()
+        camera = Camera(width, height, np.deg2rad(36.0), 0.1, 12.0)
+        middle = np.array([-0.10, 0.0, self._top + 0.17])
+        return camera.look(
+            self._client, middle + np.array([0.72, -1.15, 0.72]), middle, np.array([0.0, 0.0, 1.0]), shadows=True
+        ).rgb
+
+    def close(self) -> None:
+        """Close the client; idempotent."""
+        self._client.close()
+
+    def _require_open(self) -> None:
+        if self._client.closed:
+            raise RuntimeError("the scene is closed: make a new one")
+
+    def _shape(self, axes_m: tuple[float, float, float]) -> int:
+        """PyBullet's number of an ellipsoid's shape; shapes are never given back, so each is made once."""
+        if axes_m not in self._shapes:
+            mesh = ellipsoid(tuple(0.5 * axis for axis in axes_m))
+            self._shapes[axes_m] = pybullet.createVisualShape(
+                pybullet.GEOM_MESH,
+                vertices=mesh.vertices.tolist(),
+                indices=mesh.triangles.ravel().tolist(),
+                normals=mesh.normals.tolist(),
+                physicsClientId=self._client.id,
+            )
+        return self._shapes[axes_m]
+
+    def _build(self, belt: BeltConfig, origin_m: float) -> None:
+        top, half = self._top, 0.5 * belt.width_m
+        length, middle = BELT_END_M - BELT_START_M, 0.5 * (BELT_START_M + BELT_END_M)
+        belts = [_at(box((length, belt.width_m, 0.04)), (middle, 0.0, top - 0.021))]
+        frame = []
+        for side in (-1.0, 1.0):
+            frame.append(_at(box((length + 0.05, 0.016, 0.075)), (middle, side * (half + 0.010), top - 0.040)))
+            for x in (BELT_START_M + 0.08, middle + 0.1, BELT_END_M - 0.08):
+                frame.append(_at(box((0.04, 0.04, top - 0.07)), (x, side * (half - 0.03), 0.5 * (top - 0.07))))
+        ribs = [
+            _at(box((0.004, belt.width_m - 0.01, 0.002)), (x, 0.0, 0.0))
+            for x in np.arange(BELT_START_M, BELT_END_M - 1.5 * RIB_PITCH_M, RIB_PITCH_M)
+        ]
+        high = origin_m + GANTRY_LEVEL_M
+        # A column behind the belt carries the beam: machine and camera hang from it, nothing stands in front.
+        posts = [_at(box((0.10, 0.10, high + 0.10)), (0.0, 0.46, 0.5 * (high + 0.10)))]
+        posts.append(_at(box((0.11, 0.60, 0.08)), (0.0, 0.21, high + 0.04)))
+        posts.append(_at(box((-belt.camera_x_m + 0.02, 0.04, 0.04)), (0.5 * belt.camera_x_m, 0.0, high + 0.06)))
+        eye = top + CAMERA_HEIGHT_M
+        posts.append(
+            _at(box((0.03, 0.03, high + 0.04 - eye)), (belt.camera_x_m - 0.02, 0.0, 0.5 * (high + 0.08 + eye)))
+        )
+        feet = [_at(box((0.34, 0.24, 0.03)), (0.0, 0.46, 0.015))]
+        lens = [_at(box((0.05, 0.10, 0.035)), (belt.camera_x_m, 0.0, eye + 0.022))]
+        ground = [_at(box((6.0, 6.0, 0.02)), (0.0, 0.0, -0.012))]
+        for meshes, colour in (
+            (belts, BELT), (frame, FRAME), (posts, POST), (feet + lens, DARK), (ground, FLOOR)
+        ):  # fmt: skip
+            Pool(self._client, merged(*meshes), colour, 1).place((0.0, 0.0, 0.0))
+        self._ribs = Pool(self._client, merged(*ribs), RIB, 1)
+        self.bin_floor_m = top - 0.11
+        for grade, (x, y) in zip(GRADES, belt.bins_m, strict=True):
+            outside = np.copysign(half + 0.024 + 0.075, y)
+            Pool(self._client, _bin(0.148, 0.150, 0.075), BIN[grade], 1).place((x, outside, self.bin_floor_m))
+            Pool(self._client, box((0.03, 0.03, self.bin_floor_m)), FRAME, 1).place(
+                (x, outside, 0.5 * self.bin_floor_m - 0.005)
+            )
+
+    def bin_place(self, grade: int, number: int) -> Array:
+        """World position (3,) of the ``number``-th item that was put into a grade's bin."""
+        x, y = self._config.belt.bins_m[grade]
+        half = 0.5 * self._config.belt.width_m
+        outside = float(np.copysign(half + 0.024 + 0.075, y))
+        column, layer = number % 6, number // 6
+        along, across = (column % 2 - 0.5) * 0.064, (column // 2 - 1.0) * 0.048
+        return np.array([x + along, outside + across, self.bin_floor_m + 0.025 + 0.036 * min(layer, 3)])
+
+
+def _at(mesh: Mesh, shift: tuple[float, float, float]) -> Mesh:
+    return turned(mesh, rotation_z(0.0), shift)
+
+
+def _bin(length_m: float, width_m: float, height_m: float) -> Mesh:
+    """An open box on its floor at z = 0."""
+    wall = 0.004
+    parts = [_at(box((length_m, width_m, wall)), (0.0, 0.0, 0.0))]
+    for side in (-0.5, 0.5):
+        parts.append(_at(box((wall, width_m, height_m)), (side * length_m, 0.0, 0.5 * height_m)))
+        parts.append(_at(box((length_m, wall, height_m)), (0.0, side * width_m, 0.5 * height_m)))
+    return merged(*parts)

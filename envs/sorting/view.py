@@ -1,0 +1,239 @@
+"""The sorter's rendered world: its camera's reports, and pictures for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...motion.orientation import conjugate, product, tilted
+from ...perception.produce import Produce, ProduceRules, detect_produce
+from ...simulation.camera import RgbdFrame
+from ..core import Array, StepResult
+from .motions import PickMotion, Way
+from .scenario import FRUIT, Reports
+from .scene import BELT_END_M, BELT_START_M, ShownItem, SorterScene, item_colour
+from .task import PICK, SorterPlan, SortingCore
+
+MATCH_RADIUS_M = 0.025
+"""A report farther than this from every item is counted as false."""
+DEPTH_SIGMA_M = 0.001
+"""Noise of a depth pixel [assumed: a structured-light camera at half a metre]."""
+COLOUR_SIGMA = 3.0
+"""Noise of a colour value out of 255 [assumed]."""
+GAIN_SIGMA = 0.03
+"""Drift of each colour channel's gain from image to image [assumed]."""
+
+
+def sensor_noise(frame: RgbdFrame, seed: int, number: int) -> RgbdFrame:
+    """What a real camera would make of a rendered image; the same for the same episode and image."""
+    rng = np.random.default_rng([seed, number])
+    gain = 1.0 + np.float32(GAIN_SIGMA) * rng.standard_normal(3, dtype=np.float32)
+    rgb = frame.rgb * gain + np.float32(COLOUR_SIGMA) * rng.standard_normal(frame.rgb.shape, dtype=np.float32)
+    depth = frame.depth_m + np.float32(DEPTH_SIGMA_M) * rng.standard_normal(frame.depth_m.shape, dtype=np.float32)
+    return RgbdFrame(np.clip(np.rint(rgb), 0, 255).astype(np.uint8), depth, frame.camera)
+
+
+class SorterView:
+    """Scene of one world of the rules; follows the rules' state by itself."""
+
+    def __init__(self, core: SortingCore, window: bool = False):
+        """Build the scene."""
+        self._core, self._config = core, core.config
+        self._scene = SorterScene(core.config, window=window)
+        self._rules = ProduceRules(ware_from_m=core.config.produce.ware_from_m)
+        self._episode, self._frames = -1, 0
+        self._free = np.zeros(0, bool)
+        self._binned: list[tuple[int, Array, Array]] = []
+        self._in_bin = np.zeros(4, np.int64)
+
+    def sense(self) -> None:
+        """Take the images that were due since the last look and hand their reports to the rules."""
+        core, belt = self._core, self._config.belt
+        self._load_if_new()
+        now = float(core.time_s[0])
+        while self._due_s(self._frames) <= now and self._due_s(self._frames) <= float(core.end_s[0]):
+            taken_s, seen = self.take(self._frames)
+            half = 0.5 * belt.camera_step_m
+            near = np.abs(seen.position[:, 0] - belt.camera_x_m) <= half
+            if near.any():
+                core.receive(0, self._reports(Produce(*(part[near] for part in seen)), taken_s))
+            self._frames += 1
+
+    def take(self, number: int) -> tuple[float, Produce]:
+        """Render the belt as it was when an image was due, and find the produce in it: the time and the items."""
+        self._load_if_new()
+        taken_s = self._due_s(number)
+        self._scene.set_belt(self._config.belt.speed_m_s * taken_s)
+        self._scene.set_items(self._items(taken_s, np.ones_like(self._free)))
+        look = sensor_noise(self._scene.look(), int(self._core.sensor_seed[0]), number)
+        height = self._config.machine.sorter.belt_height_m
+        return taken_s, detect_produce(look.rgb, look.depth_m, look.camera, height, self._rules)
+
+    def frame(self) -> NDArray[np.uint8]:
+        """Picture of the present state."""
+        core = self._core
+        self._load_if_new()
+        self._settle()
+        at = np.array([[*core.place[0], self._config.machine.travel_level_m]])
+        return self._draw(float(core.time_s[0]), Way(at, core.turn[:1]), 0, None)
+
+    def frames(self, plan: SorterPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
+        """Pictures of a decision: waiting, the way to the item and down, and to the bin."""
+        core = self._core
+        self._load_if_new()
+        elapsed_s = float(result.phases_s[0].sum())
+        began_s = float(core.time_s[0]) - elapsed_s
+        waiting_s = float(result.phases_s[0, 0])
+        times = np.arange(0.0, elapsed_s, 1.0 / frames_per_second)
+        moving = plan.kind[0] == PICK
+        held = bool(moving and result.phases_s[0, 6] > 0.0)
+        item = int(core.report_item[0, plan.report[0]]) if held else -1
+        at = np.array([[*plan.start[0], self._config.machine.travel_level_m]])
+        way = Way(np.repeat(at, len(times), 0), np.repeat(plan.start_turn[:1], len(times), 0))
+        closing_s = np.inf
+        if moving:
+            motion = PickMotion(self._config, plan)
+            way = motion.sample(times - waiting_s, held)
+            closing_s = waiting_s + motion.closing_s + 0.5 * self._config.grip.grip_s
+        grasp: tuple[Array, Array] | None = None
+        dropped = held and result.rewards[0, 2] != 0.0
+        falls_s = closing_s + 0.6 * (elapsed_s - closing_s)
+        for k, time in enumerate(times.tolist()):
+            carried = None
+            gone = held and dropped and time >= falls_s
+            if held and time >= closing_s and not gone:
+                if grasp is None:
+                    grasp = self._grasp(item, began_s + time, way, k)
+                carried = item, grasp
+            if gone:
+                self._free[item] = False
+            yield self._draw(began_s + time, way, k, carried)
+        if held and not dropped:
+            self._put_in_bin(item, plan)
+        self._settle()
+
+    def close(self) -> None:
+        """Close the scene; idempotent."""
+        self._scene.close()
+
+    def _due_s(self, number: int) -> float:
+        """When an image is taken: one each step of the belt, from when the first item could pass the camera."""
+        belt = self._config.belt
+        first = (belt.camera_x_m - belt.start_x_m) / belt.speed_m_s
+        return first + number * belt.camera_step_m / belt.speed_m_s
+
+    def _load_if_new(self) -> None:
+        core = self._core
+        if self._episode == int(core.episode[0]):
+            return
+        self._episode, self._frames = int(core.episode[0]), 0
+        self._free = core.item_free[0].copy()
+        self._binned, self._in_bin = [], np.zeros(4, np.int64)
+        self._scene.set_items([])
+
+    def _settle(self) -> None:
+        """Items that the rules took while nobody watched are in their bins."""
+        core = self._core
+        taken = np.flatnonzero(self._free & ~core.item_free[0])
+        shown = {key for key, _, _ in self._binned}
+        for item in taken.tolist():
+            self._free[item] = False
+            if item not in shown:
+                self._lay(item, int(core.item_grade[0, item]))
+
+    def _put_in_bin(self, item: int, plan: SorterPlan) -> None:
+        self._free[item] = False
+        self._lay(item, int(self._core.report_grade[0, plan.report[0]]))
+
+    def _lay(self, item: int, grade: int) -> None:
+        number = int(self._in_bin[grade])
+        self._in_bin[grade] += 1
+        turn = tilted(0.15, 1.7 * item, 2.4 * item)
+        self._binned.append((item, self._scene.bin_place(grade, number), turn))
+        # A full bin is exchanged for an empty one.
+        own = [entry for entry in self._binned if np.linalg.norm(entry[1] - self._scene.bin_place(grade, 0)) < 0.12]
+        if len(own) > 18:
+            self._binned = [entry for entry in self._binned if entry not in own[:-1]]
+            self._in_bin[grade] = 1
+
+    def _draw(self, time_s: float, way: Way, row: int, carried: tuple[int, tuple[Array, Array]] | None) -> NDArray:
+        scene = self._scene
+        items = self._items(time_s, self._free, -1 if carried is None else carried[0])
+        height = self._config.machine.sorter.origin_height_m
+        if carried is not None:
+            item, (offset, turn) = carried
+            quaternion = product(way.turn[row], turn)
+            where = way.position[row] + _rotate(way.turn[row], offset) + np.array([0.0, 0.0, height])
+            items.append(self._shown(item, where, quaternion))
+        items += [self._shown(item, where, turn) for item, where, turn in self._binned]
+        scene.set_belt(self._config.belt.speed_m_s * time_s)
+        scene.set_items(items)
+        scene.set_machine(way.poses()[row])
+        return scene.render()
+
+    def _grasp(self, item: int, time_s: float, way: Way, row: int) -> tuple[Array, Array]:
+        """Where an item lies in the platform's frame: offset (3,) and quaternion (4,)."""
+        position, turn = self._lies(item, time_s)
+        back = conjugate(way.turn[row])
+        position[2] -= self._config.machine.sorter.origin_height_m
+        return _rotate(back, position - way.position[row]), product(back, turn)
+
+    def _lies(self, item: int, time_s: float) -> tuple[Array, Array]:
+        """World position (3,) and quaternion of an item on the belt."""
+        core = self._core
+        truth = core.item_truth(0, item)
+        x = self._config.belt.speed_m_s * (time_s - truth[0])
+        position = np.array([x, truth[1], self._config.machine.sorter.belt_height_m + truth[2]])
+        yaw, tilt, azimuth = core.item_shape[0, item, 3:6]
+        return position, tilted(tilt, azimuth, yaw)
+
+    def _items(self, time_s: float, shown: NDArray[np.bool_], but: int = -1) -> list[ShownItem]:
+        core, belt = self._core, self._config.belt
+        arrival = core.item_truth(0)[0]
+        x = belt.speed_m_s * (time_s - arrival)
+        there = shown & core.item_exists(0) & (x > BELT_START_M + 0.04) & (x < BELT_END_M - 0.04)
+        return [self._shown(int(item), *self._lies(int(item), time_s)) for item in np.flatnonzero(there) if item != but]
+
+    def _shown(self, item: int, position: Array, quaternion: Array) -> ShownItem:
+        core = self._core
+        length, width, thickness, *_, skin = core.item_shape[0, item].tolist()
+        fruit = int(core.item_grade[0, item]) // 2 == FRUIT
+        axes_m = (round(length, 6), round(length * width, 6), round(length * thickness, 6))
+        return ShownItem(item, position, quaternion, axes_m, item_colour(fruit, skin, (0.618 * item) % 1.0))
+
+    def _reports(self, seen: Produce, taken_s: float) -> Reports:
+        belt, height = self._config.belt, self._config.machine.sorter.belt_height_m
+        arrival = taken_s - seen.position[:, 0] / belt.speed_m_s
+        columns = {
+            "arrival_s": arrival,
+            "y_m": seen.position[:, 1],
+            "z_m": seen.position[:, 2] - height,
+            "yaw": seen.yaw,
+            "tilt": seen.tilt,
+            "azimuth": seen.azimuth,
+            "length_m": seen.axes_m[:, 0],
+            "width": seen.axes_m[:, 1] / seen.axes_m[:, 0],
+            "thickness": np.minimum(seen.axes_m[:, 2] / seen.axes_m[:, 0], 1.0),
+            "grade": seen.grade,
+            "seen_s": np.full(len(arrival), taken_s + belt.latency_s),
+            "item": self._items_behind(seen, taken_s),
+        }
+        return Reports(**{name: values[None] for name, values in columns.items()})
+
+    def _items_behind(self, seen: Produce, taken_s: float) -> NDArray[np.int64]:
+        """Index of the true item nearest to each report, for scoring alone."""
+        core = self._core
+        truth = core.item_truth(0)
+        place = np.stack([self._config.belt.speed_m_s * (taken_s - truth[0]), truth[1]], axis=-1)
+        place[~core.item_exists(0)] = np.inf
+        distance = np.linalg.norm(seen.position[:, None, :2] - place[None], axis=-1)
+        nearest = distance.argmin(axis=1)
+        return np.where(distance.min(axis=1) <= MATCH_RADIUS_M, nearest, len(place) - 1)
+
+
+def _rotate(quaternion: Array, vector: Array) -> Array:
+    """Turn a vector (3,) by a quaternion (4,)."""
+    w, axis = quaternion[0], quaternion[1:]
+    return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + w * vector)

@@ -1,0 +1,264 @@
+"""Finds produce on a belt in one RGB-D image: place, orientation, size and grade of every ellipsoid.
+
+The outline, the slope and the mean height of the visible half of an ellipsoid determine it, if it lies on a known
+plane. Seen along w, with u and v across, a matrix S of the ellipsoid {p : p' S^-1 p = 1} shows the outline S_uv, and
+the outline lies in the plane w = l.(u, v) with S_uw = S_uv l. The visible surface stands sqrt(1 - r^2) h above that
+plane, r = 1 on the outline, so a least-squares plane through it has exactly the slope l and is 2/3 h higher. What is
+left, h, follows from where the ellipsoid touches the belt.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class _CameraPose(Protocol):
+    """Intrinsic matrix (3, 3) in pixels and world-from-camera transform (4, 4), OpenCV axes."""
+
+    @property
+    def intrinsics(self) -> Array: ...
+
+    @property
+    def world_from_camera(self) -> Array: ...
+
+
+_SOLID = 0.955
+"""A blob that fills less of its convex hull than this is more than one item; a rasterised ellipse fills 0.97."""
+_SEED_PIXELS = 16
+_CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+
+
+@dataclass(frozen=True)
+class ProduceRules:
+    """How images are read; all chosen for the look of the produce, none fitted to the truth of single images."""
+
+    warm: int = 24
+    """A pixel belongs to produce when its red or green exceeds its blue by this much: the belt is blue."""
+    lowest_m: float = 0.003
+    """And when it lies this much above the belt."""
+    smallest_m2: float = 4.0e-4
+    largest_m2: float = 8.0e-3
+    """Area of an item's outline."""
+    tuber_saturation: float = 0.68
+    """Tubers are duller than fruits."""
+    ripe_hue_deg: float = 50.5
+    """Fruits with a lower hue (towards red) are ripe."""
+    rim_m: float = 0.0005
+    """The outline is this much wider than its pixels' middles show [identified on rendered items]."""
+    ware_from_m: float = 0.061
+    """Tubers at least this long are ware."""
+
+
+class Produce(NamedTuple):
+    """Items in an image, nearest to its middle row first; shapes (n, ...).
+
+    Attributes:
+        position: (n, 3), centres, world metres.
+        yaw: (n,), rad, direction of the long axis before the tilt, in (-pi/2, pi/2].
+        tilt: (n,), rad, lean of the short axis.
+        azimuth: (n,), rad, where it leans to.
+        axes_m: (n, 3), full lengths, longest first.
+        grade: (n,), 0 ware, 1 seed, 2 ripe, 3 green.
+        hue_deg: (n,), median hue.
+    """
+
+    position: Array
+    yaw: Array
+    tilt: Array
+    azimuth: Array
+    axes_m: Array
+    grade: NDArray[np.int64]
+    hue_deg: Array
+
+
+def detect_produce(
+    rgb: NDArray[np.uint8],
+    depth_m: NDArray[np.float32],
+    camera: _CameraPose,
+    belt_m: float,
+    rules: ProduceRules | None = None,
+) -> Produce:
+    """Items that are wholly in the image.
+
+    Args:
+        rgb: uint8 (h, w, 3).
+        depth_m: (h, w) along the view.
+        camera: where the camera stands.
+        belt_m: world height of the belt.
+        rules: how to read the image.
+    """
+    rules = rules or ProduceRules()
+    rays = _rays(camera.intrinsics, depth_m.shape)
+    world = camera.world_from_camera
+    points = (rays * depth_m[..., None].astype(np.float64)) @ world[:3, :3].T + world[:3, 3]
+    colour = rgb.astype(np.int16)
+    warm = np.maximum(colour[..., 0], colour[..., 1]) - colour[..., 2] > rules.warm
+    smooth = cv2.medianBlur((points[..., 2] - belt_m).astype(np.float32), 5)
+    mask = (warm & (smooth > rules.lowest_m)).astype(np.uint8)
+    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    labels, count = _separate(mask)
+    hsv = cv2.cvtColor(cv2.medianBlur(rgb, 5), cv2.COLOR_RGB2HSV)
+    eye = world[:3, 3]
+    found = []
+    for label in range(1, count):
+        where = labels == label
+        if where[0].any() or where[-1].any() or where[:, 0].any() or where[:, -1].any():
+            continue
+        rows, columns = np.nonzero(where)
+        # A pixel's share of the outline grows with the square of its distance.
+        weight = depth_m[rows, columns].astype(np.float64) ** 2
+        area = float(weight.sum()) / float(camera.intrinsics[0, 0] * camera.intrinsics[1, 1])
+        if not rules.smallest_m2 <= area <= rules.largest_m2:
+            continue
+        shape = _ellipsoid(points[rows, columns], weight, eye, belt_m, rules.rim_m)
+        if shape is None:
+            continue
+        core = cv2.erode(where.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        hue, saturation = _colour(hsv[core] if core.any() else hsv[where])
+        found.append((*shape, _grade(rules, hue, saturation, float(shape[2][0])), hue))
+    return _table(found)
+
+
+def _rays(intrinsics: Array, shape: tuple[int, ...]) -> Array:
+    """Camera rays (h, w, 3) of unit depth."""
+    v, u = np.mgrid[0 : shape[0], 0 : shape[1]].astype(np.float64)
+    x = (u - intrinsics[0, 2]) / intrinsics[0, 0]
+    y = (v - intrinsics[1, 2]) / intrinsics[1, 1]
+    return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+
+def _separate(mask: NDArray[np.uint8]) -> tuple[NDArray[np.int32], int]:
+    """Label blobs; those that touch are parted by shrinking them until they come apart, and growing the pieces back."""
+    count, blobs, stats, _ = cv2.connectedComponentsWithStats(mask)
+    labels = np.zeros(mask.shape, np.int32)
+    used = 0
+    for blob in range(1, count):
+        x, y, width, height, area = stats[blob].tolist()
+        if area < _SEED_PIXELS:
+            continue
+        window = np.s_[y : y + height, x : x + width]
+        body = (blobs[window] == blob).astype(np.uint8)
+        # A frame of background, or the image's own border would hold the blob together.
+        framed = cv2.copyMakeBorder(body, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+        seeds = _seeds(framed)
+        if len(seeds) == 1:
+            used += 1
+            labels[window][body > 0] = used
+            continue
+        # Every pixel goes to the piece whose middle part is nearest.
+        distance = np.stack([cv2.distanceTransform(1 - seed, cv2.DIST_L2, 5) for seed in seeds])
+        nearest = distance.argmin(axis=0)[1:-1, 1:-1]
+        labels[window][body > 0] = used + 1 + nearest[body > 0]
+        used += len(seeds)
+    return labels, used + 1
+
+
+def _seeds(body: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """Middle parts of the convex pieces of a blob, one for each; the blob itself where it is convex."""
+    contours, _ = cv2.findContours(body, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    outline = max(contours, key=cv2.contourArea)
+    hull = cv2.contourArea(cv2.convexHull(outline))
+    if cv2.contourArea(outline) >= _SOLID * hull:
+        return [body]
+    shrunk = body
+    while True:
+        shrunk = cv2.erode(shrunk, _CROSS)
+        count, pieces, stats, _ = cv2.connectedComponentsWithStats(shrunk, connectivity=4)
+        large = [piece for piece in range(1, count) if stats[piece, cv2.CC_STAT_AREA] >= _SEED_PIXELS]
+        if not large:
+            return [body]
+        if len(large) > 1:
+            return [seed for piece in large for seed in _seeds((pieces == piece).astype(np.uint8))]
+        shrunk = (pieces == large[0]).astype(np.uint8)
+
+
+def _ellipsoid(
+    points: Array, weight: Array, eye: Array, belt_m: float, rim_m: float
+) -> tuple[Array, tuple[float, float, float], Array] | None:
+    """Centre (3,), (yaw, tilt, azimuth), full axes (3,) of the ellipsoid behind visible points; None if none fits."""
+    weight = weight / weight.sum()
+    middle = weight @ points
+    toward = eye - middle
+    toward /= np.linalg.norm(toward)
+    across = np.cross([0.0, 1.0, 0.0], toward)
+    across /= np.linalg.norm(across)
+    frame = np.stack([across, np.cross(toward, across), toward])
+    local = (points - middle) @ frame.T
+    outline = 4.0 * (local[:, :2] * weight[:, None]).T @ local[:, :2]
+    if np.linalg.det(outline) < 1e-14:
+        return None
+    slope = np.linalg.solve(outline / 4.0, (local[:, :2] * weight[:, None]).T @ local[:, 2])
+    squares, directions = np.linalg.eigh(outline)
+    outline = (directions * (np.sqrt(squares) + rim_m) ** 2) @ directions.T
+    lean = outline @ slope
+    # Height of the centre (belt at zero) is a - b h, the matrix's vertical part c + d h^2; they touch where equal.
+    up = frame[:, 2]
+    a, b = middle[2] - belt_m, 2.0 / 3.0 * up[2]
+    c = up[:2] @ outline @ up[:2] + 2.0 * up[2] * (up[:2] @ lean) + up[2] ** 2 * (slope @ lean)
+    d = up[2] ** 2
+    inside = (a * b) ** 2 - (b * b - d) * (a * a - c)
+    if inside < 0.0 or a <= 0.0:
+        return None
+    half = (a * b - np.sqrt(inside)) / (b * b - d)
+    if not half > 0.0:
+        return None
+    matrix = np.empty((3, 3))
+    matrix[:2, :2], matrix[:2, 2], matrix[2, :2] = outline, lean, lean
+    matrix[2, 2] = half * half + slope @ lean
+    centre = middle - 2.0 / 3.0 * half * toward
+    values, vectors = np.linalg.eigh(frame.T @ matrix @ frame)
+    if values[0] <= 0.0:
+        return None
+    order = [2, 1, 0]
+    if abs(vectors[2, 0]) < abs(vectors[2, 1]):
+        # Lying on its side: what points up counts as the short axis.
+        order = [2, 0, 1]
+    values, vectors = values[order], vectors[:, order]
+    return centre, _angles(vectors), 2.0 * np.sqrt(values)
+
+
+def _angles(vectors: Array) -> tuple[float, float, float]:
+    """Yaw, tilt and azimuth of axes in columns (long, wide, short)."""
+    short = vectors[:, 2] * (1.0 if vectors[2, 2] >= 0.0 else -1.0)
+    azimuth = float(np.arctan2(short[1], short[0]))
+    tilt = float(np.arctan2(np.hypot(short[0], short[1]), short[2]))
+    # Undo the tilt: turn the long axis back about the horizontal axis across the azimuth.
+    axis = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    long = vectors[:, 0]
+    turn = -tilt
+    back = long * np.cos(turn) + np.cross(axis, long) * np.sin(turn) + axis * (axis @ long) * (1.0 - np.cos(turn))
+    yaw = float(np.arctan2(back[1], back[0]))
+    return yaw - np.pi * float(np.ceil(yaw / np.pi - 0.5)), tilt, azimuth
+
+
+def _colour(hsv: NDArray[np.uint8]) -> tuple[float, float]:
+    """Median hue in degrees and saturation in [0, 1]; hues just below 360 count as below zero."""
+    hue = 2.0 * hsv[:, 0].astype(np.float64)
+    return float(np.median(np.where(hue > 270.0, hue - 360.0, hue))), float(np.median(hsv[:, 1])) / 255.0
+
+
+def _grade(rules: ProduceRules, hue_deg: float, saturation: float, length_m: float) -> int:
+    if saturation < rules.tuber_saturation:
+        return 0 if length_m >= rules.ware_from_m else 1
+    return 2 if hue_deg < rules.ripe_hue_deg else 3
+
+
+def _table(found: list[tuple[Array, tuple[float, float, float], Array, int, float]]) -> Produce:
+    n = len(found)
+    angles = np.array([item[1] for item in found]).reshape(n, 3)
+    return Produce(
+        position=np.array([item[0] for item in found]).reshape(n, 3),
+        yaw=angles[:, 0],
+        tilt=angles[:, 1],
+        azimuth=angles[:, 2],
+        axes_m=np.array([item[2] for item in found]).reshape(n, 3),
+        grade=np.array([item[3] for item in found], dtype=np.int64),
+        hue_deg=np.array([item[4] for item in found], dtype=np.float64),
+    )

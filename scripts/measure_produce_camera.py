@@ -1,0 +1,160 @@
+"""Measure the sorter's camera on rendered belts and fit the statistical camera to it.
+
+    python scripts/measure_produce_camera.py [--frames 240] [--out assets/perception/sorting.json]
+
+In every scenario in turn it renders images of streams that no benchmark uses, one each step of the belt as the machine
+takes them, adds the sensor's noise, finds the produce and pairs reports with the items nearest to them (25 mm at most,
+each once). It counts recall, reports without an item, confusion of grades, and errors of centre, yaw, tilt and axes.
+The fit takes plain standard deviations, tails included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fieldgym.envs.sorting.config import GRADES, SCENARIOS, SortingConfig
+from fieldgym.envs.sorting.reports import wrapped
+from fieldgym.envs.sorting.scenario import FRUIT
+from fieldgym.envs.sorting.task import SortingCore
+from fieldgym.envs.sorting.view import MATCH_RADIUS_M, SorterView
+from fieldgym.perception.produce import Produce
+
+FIRST_SEED = 7_100_000
+FRAMES_A_STREAM = 48
+
+
+class Tally:
+    """What was counted so far."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self.frames, self.items, self.false = 0, 0, 0
+        self.confusion = np.zeros((4, 4), int)
+        self.missed = np.zeros(4, int)
+        self.centre: list[np.ndarray] = []
+        self.yaw: tuple[list[float], list[float]] = ([], [])
+        self.lean: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+        self.axes: list[np.ndarray] = []
+
+    def add(self, seen: Produce, core: SortingCore, taken_s: float) -> None:
+        """Count one image."""
+        belt = core.config.belt
+        truth = core.item_truth(0)
+        x = belt.speed_m_s * (taken_s - truth[0])
+        half = 0.5 * belt.camera_step_m
+        there = np.flatnonzero(core.item_exists(0) & (np.abs(x - belt.camera_x_m) <= half))
+        around = np.flatnonzero(core.item_exists(0) & (np.abs(x - belt.camera_x_m) <= half + MATCH_RADIUS_M))
+        near = np.flatnonzero(np.abs(seen.position[:, 0] - belt.camera_x_m) <= half + 0.5 * MATCH_RADIUS_M)
+        self.frames += 1
+        self.items += len(there)
+        places = np.stack([x, truth[1]], axis=-1)
+        used: set[int] = set()
+        found: set[int] = set()
+        distance = np.linalg.norm(seen.position[near][:, None, :2] - places[around][None], axis=-1)
+        for flat in np.argsort(distance, axis=None):
+            report, index = divmod(int(flat), max(len(around), 1))
+            if distance[report, index] > MATCH_RADIUS_M:
+                break
+            item = int(around[index])
+            if report in used or item in found:
+                continue
+            used.add(report)
+            found.add(item)
+            if item in there:
+                self._pair(seen, int(near[report]), core, item, x[item])
+        self.missed += np.bincount(core.item_grade[0, [i for i in there if i not in found]], minlength=4)
+        inside = [r for r in range(len(near)) if abs(seen.position[near[r], 0] - belt.camera_x_m) <= half]
+        self.false += sum(r not in used for r in inside)
+
+    def _pair(self, seen: Produce, report: int, core: SortingCore, item: int, x: float) -> None:
+        truth = core.item_truth(0, item)
+        length, width, thickness, yaw, tilt, azimuth, _ = core.item_shape[0, item]
+        grade = int(core.item_grade[0, item])
+        kind = int(grade // 2 == FRUIT)
+        self.confusion[grade, seen.grade[report]] += 1
+        centre = np.array([x, truth[1], truth[2] + core.config.machine.sorter.belt_height_m])
+        self.centre.append(seen.position[report] - centre)
+        self.yaw[kind].append(float(wrapped(np.array(seen.yaw[report] - yaw))))
+        lean = tilt * np.array([np.cos(azimuth), np.sin(azimuth)])
+        reported = seen.tilt[report] * np.array([np.cos(seen.azimuth[report]), np.sin(seen.azimuth[report])])
+        self.lean[kind].append(reported - lean)
+        true_axes = length * np.array([1.0, width, thickness])
+        self.axes.append(seen.axes_m[report] / true_axes - 1.0)
+
+    def fit(self) -> dict[str, Any]:
+        """The statistical camera, with what it was fitted to."""
+        centre, axes = np.array(self.centre), np.array(self.axes)
+        shares = (self.confusion + 0.0) / np.maximum(self.confusion.sum(axis=1, keepdims=True), 1)
+        lean = [np.concatenate(part) for part in self.lean]
+        yaw_deg = [np.degrees(np.abs(part)) for part in self.yaw]
+        return {
+            "made_by": "scripts/measure_produce_camera.py",
+            "frames": self.frames,
+            "items": self.items,
+            "recall": round(1.0 - int(self.missed.sum()) / self.items, 4),
+            "false_per_item": round(self.false / self.items, 4),
+            "position_bias_m": np.round(centre.mean(axis=0), 5).tolist(),
+            "position_sigma_m": np.round(centre.std(axis=0), 5).tolist(),
+            "yaw_sigma_rad": [round(float(np.std(part)), 4) for part in self.yaw],
+            "tilt_sigma_rad": [round(float(np.sqrt(np.mean(part**2))), 4) for part in lean],
+            "length_sigma": round(float(axes[:, 0].std()), 4),
+            "grade_confusion": np.round(shares, 4).tolist(),
+            "measured": {
+                "confusion_counts": self.confusion.tolist(),
+                "missed_by_grade": self.missed.tolist(),
+                "false": self.false,
+                "mean_horizontal_error_mm": round(float(1e3 * np.linalg.norm(centre[:, :2], axis=1).mean()), 3),
+                "p95_horizontal_error_mm": round(
+                    float(1e3 * np.quantile(np.linalg.norm(centre[:, :2], axis=1), 0.95)), 3
+                ),
+                "yaw_median_p95_deg": [np.round(np.quantile(part, [0.5, 0.95]), 2).tolist() for part in yaw_deg],
+                "tilt_median_p95_deg": [
+                    np.round(np.degrees(np.quantile(np.linalg.norm(np.array(part), axis=1), [0.5, 0.95])), 2).tolist()
+                    for part in self.lean
+                ],
+                "axes_bias": np.round(axes.mean(axis=0), 4).tolist(),
+                "axes_sigma": np.round(axes.std(axis=0), 4).tolist(),
+            },
+        }
+
+
+def measure(frames: int) -> dict[str, Any]:
+    """Render and count ``frames`` images, the scenarios in turn."""
+    tally = Tally()
+    for stream, name in enumerate(list(SCENARIOS) * (frames // FRAMES_A_STREAM + 1)):
+        if tally.frames >= frames:
+            break
+        core = SortingCore(SortingConfig(scenario=SCENARIOS[name]), None)
+        core.reset_rows(np.array([0]), [np.random.default_rng(FIRST_SEED + stream)])
+        view = SorterView(core)
+        for number in range(min(FRAMES_A_STREAM, frames - tally.frames)):
+            taken_s, seen = view.take(number)
+            tally.add(seen, core, taken_s)
+        view.close()
+    return tally.fit()
+
+
+def main() -> None:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=240)
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent.parent / "assets/perception/sorting.json")
+    options = parser.parse_args()
+    if options.frames < 1:
+        parser.error("--frames must be at least 1")
+    result = measure(options.frames)
+    text = json.dumps(result, indent=2) + "\n"
+    draft = options.out.with_name(options.out.name + ".new")
+    draft.write_text(text, encoding="utf-8")
+    draft.replace(options.out)
+    print(text, end="")
+    print(f"grades: {', '.join(GRADES)}; wrote {options.out}")
+
+
+if __name__ == "__main__":
+    main()
