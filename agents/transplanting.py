@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -185,7 +185,7 @@ class TwoOpt(_Sequence):
 def sequence_s(first_s: Array, next_s: Array, sequence: list[tuple[int, int]]) -> float:
     """Seconds of a sequence of pairs; see ``_Problem`` for the tables."""
     total = first_s[sequence[0]]
-    for (_, gap), (source, after) in zip(sequence[:-1], sequence[1:], strict=True):
+    for (_, gap), (source, after) in pairwise(sequence):
         total += next_s[gap, source, after]
     return float(total)
 
@@ -220,7 +220,7 @@ def best_order(first_s: Array, next_s: Array, pairs: list[tuple[int, int]]) -> l
 
 
 def mended(first_s: Array, next_s: Array, sequence: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """A sequence that no 2-opt reversal, no exchange of two pairs' gaps and no change of a seedling or a gap shortens."""
+    """A sequence that no 2-opt reversal, exchange of two pairs' gaps or change of a seedling or a gap shortens."""
     best, best_s = list(sequence), sequence_s(first_s, next_s, sequence)
     improved = True
     while improved:

@@ -12,7 +12,7 @@ from ...simulation.transplanter_model import TransplanterParameters
 from ..core import Array, Rows
 from .config import TransplantingConfig
 from .motions import Motions
-from .task import INDEX_SOURCE, NOTHING, TransplantOutcome, TransplantPlan, TransplantingCore
+from .task import INDEX_SOURCE, NOTHING, TransplantingCore, TransplantOutcome, TransplantPlan
 
 _REST_TOLERANCE_M = 5e-4
 """A gate is over when the tool is this close to where it was sent."""

@@ -18,7 +18,7 @@ from ..core import Array
 from .config import MachineConfig, Tray
 
 _NARROWEST_M = 0.02
-_NODES = 33
+_NODES = 17
 """Widths at which the time-optimal gate is planned; a cubic spline between them is within 0.2 % (tested)."""
 
 

@@ -139,6 +139,9 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         self.source_reports = np.zeros((b, rows_s + 1, n), np.int8)
         self.target_reports = np.zeros((b, rows_t + 1, m), np.int8)
         self.luck = np.zeros((b, rows_s + 1, n, 3))
+        # What a scene makes the seedlings' looks from; the rules never read it.
+        self.source_looks = np.zeros((b, rows_s, n))
+        self.target_looks = np.zeros((b, rows_t, m))
         self.source_row, self.target_row = np.zeros(b, np.int64), np.zeros(b, np.int64)
         self.look_due = np.zeros((b, 2), bool)
         self.place = np.zeros(b, np.int64)
@@ -157,6 +160,7 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         self.source_cells[rows, :-1], self.target_cells[rows, :-1] = field.source, field.target
         self.target_cells[rows, -1] = HEALTHY
         self.luck[rows, :-1] = field.luck
+        self.source_looks[rows], self.target_looks[rows] = field.source_lot, field.target_lot
         if self.perception is None:
             self.source_reports[rows], self.target_reports[rows] = EMPTY, HEALTHY
             self.look_due[rows] = True
@@ -261,8 +265,9 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         booked[:, _LAST] = 0.0
         booked[:, _DONE] = good
         torn = moving & (plug != EMPTY) & ~grips
-        spoils = (arrives & hurt) + (arrives & (left == HEALTHY))
-        booked[:, _DAMAGED] = spoils + torn
+        booked[:, _DAMAGED] = arrives & hurt
+        booked[:, _DAMAGED] += arrives & (left == HEALTHY)
+        booked[:, _DAMAGED] += torn
         booked[:, _ILLEGAL] = kind == NOTHING
         booked[:, _LOST] = grips & ~kept
         booked[:, _TORN] = torn

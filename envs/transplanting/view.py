@@ -1,0 +1,182 @@
+"""The transplanter's rendered world: its cameras' reports, and pictures for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...motion import QUINTIC
+from ...perception.trays import classify_row
+from ..core import Array, StepResult
+from .config import EMPTY
+from .executor import Move, Trajectories, moves
+from .scene import SIDES, Side, TrayLine, TrayScene
+from .task import FINISH, INDEX_SOURCE, INDEX_TARGET, TransplantingCore, TransplantPlan
+
+_NEEDLES_S = 0.06
+"""Time in which a picture shows the needles closing."""
+
+
+class TransplantView:
+    """Scene of one world of the rules; follows the rules' state by itself."""
+
+    def __init__(self, core: TransplantingCore, window: bool = False):
+        """Build the scene; its trays come with the first look or picture."""
+        self._core = core
+        self._scene = TrayScene(core.config, window=window)
+        self._trajectories = Trajectories(core.config, core.motions)
+        self._episode = -1
+        self._lines: dict[Side, TrayLine] = {}
+
+    def sense(self) -> None:
+        """Where a look is due, render the rows that came in, classify their cells and hand the rules the reports."""
+        core = self._core
+        if not core.look_due[0].any():
+            return
+        self._follow()
+        rows = {"source": int(core.source_row[0]), "target": int(core.target_row[0])}
+        reports = []
+        for due, side in zip(core.look_due[0], SIDES, strict=True):
+            line = self._lines[side]
+            if not due:
+                reports.append(np.zeros(line.tray.columns, np.int8))
+                continue
+            frame = self._scene.look(side, rows[side])
+            report, _ = classify_row(
+                frame.rgb,
+                frame.depth_m,
+                frame.camera.intrinsics,
+                frame.camera.world_from_camera,
+                self._scene.cells_m(side),
+                line.tray.pitch_m,
+                self._lines["source"].tray.pitch_m,
+            )
+            reports.append(report)
+        core.receive(0, *reports)
+
+    def frame(self) -> NDArray[np.uint8]:
+        """Picture of the present state."""
+        self._follow()
+        return self._scene.render()
+
+    def frames(self, plan: TransplantPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
+        """Pictures of the decision that was just carried out, on a clock that runs on from move to move."""
+        self._load_if_new()
+        clock = _Clock(frames_per_second)
+        kind = int(plan.kind[0])
+        held: tuple[int, float] | None = None
+        for move in moves(self._core, plan):
+            motion = self._trajectories.motion(move)
+            for time_s in clock.ticks(motion.duration_s):
+                yield self._draw(motion.sample(time_s).position[0], 0.0 if move.loaded else 1.0, held)
+            held = yield from self._grip(move, clock, held)
+        here = self._trajectories.points[plan.end[0]]
+        phases = dict(zip(self._core.phase_names, result.phases_s[0].tolist(), strict=True))
+        if kind in (INDEX_SOURCE, INDEX_TARGET, FINISH):
+            yield from self._index(kind, phases["index"], clock, here)
+        for _ in clock.ticks(phases["wait"]):
+            yield self._draw(here, 1.0, None)
+        self._follow()
+
+    def close(self) -> None:
+        """Close the scene; idempotent."""
+        self._scene.close()
+
+    def _draw(self, tool: Array, opening: float, held: tuple[int, float] | None) -> NDArray[np.uint8]:
+        self._scene.set_tool(tool, opening, held)
+        return self._scene.render()
+
+    def _grip(self, move: Move, clock: _Clock, held: tuple[int, float] | None) -> Iterator[NDArray[np.uint8]]:
+        """Stand at a move's end while the gripper works; what it then holds is the generator's value."""
+        core, process = self._core, self._core.config.process
+        n = core.source_shape[1]
+        tool = self._trajectories.points[move.end]
+        side, column = ("source", move.end) if move.end < n else ("target", move.end - n)
+        line = self._lines[side]
+        row = self._row[side]
+        closing = move.then in ("grip", "miss")
+        duration = process.grip_s if closing else process.release_s
+        for time_s in clock.ticks(duration):
+            share = min(time_s / _NEEDLES_S, 1.0)
+            yield self._draw(tool, 1.0 - share if closing else share, held)
+        in_cell = move.end < core.motions.cells
+        if move.then == "grip" and in_cell:
+            held = int(line.cells[row, column]), float(line.looks[row, column])
+            line.cells[row, column], line.hollow[row, column] = EMPTY, True
+        elif move.then == "release":
+            if in_cell and held is not None:
+                # What the rules booked there may be less than what was carried: lost or damaged on the way.
+                line.cells[row, column] = core.target_cells[0, row, column]
+                line.looks[row, column] = held[1]
+            held = None
+        self._changed()
+        return held
+
+    def _index(self, kind: int, duration_s: float, clock: _Clock, tool: Array) -> Iterator[NDArray[np.uint8]]:
+        """Move a conveyor on by a row."""
+        side: Side = "source" if kind == INDEX_SOURCE else "target"
+        offsets = self._offsets[side]
+        row = self._row[side]
+        begin = offsets[row]
+        stroke = (offsets[row + 1] if row + 1 < len(offsets) else begin + self._lines[side].tray.pitch_m) - begin
+        moving = duration_s - self._core.config.machine.conveyor_settle_s
+        for time_s in clock.ticks(duration_s):
+            travel = begin + float(QUINTIC.sample(time_s, stroke, moving).position)
+            self._set_lines({**self._travel, side: travel})
+            yield self._draw(tool, 1.0, None)
+
+    def _follow(self) -> None:
+        """Bring the scene to the rules' state."""
+        core = self._core
+        self._load_if_new()
+        for side, cells in (("source", core.source_cells), ("target", core.target_cells)):
+            line = self._lines[side]
+            now = cells[0, :-1]
+            line.hollow |= (now == EMPTY) & (line.cells != EMPTY)
+            line.cells[...] = now
+        self._row = {"source": int(core.source_row[0]), "target": int(core.target_row[0])}
+        last = len(self._offsets["target"]) - 1
+        self._travel = {
+            side: float(self._offsets[side][min(self._row[side], len(self._offsets[side]) - 1)]) for side in SIDES
+        }
+        if self._row["target"] > last:
+            self._travel["target"] += self._lines["target"].tray.pitch_m
+        self._set_lines(self._travel)
+        self._scene.set_tool(self._trajectories.points[core.place[0]])
+
+    def _load_if_new(self) -> None:
+        core = self._core
+        if self._episode == core.episode[0]:
+            return
+        self._episode = int(core.episode[0])
+        scenario, gap = core.config.scenario, core.config.machine.tray_gap_m
+        source, target = core.source_cells[0, :-1].copy(), core.target_cells[0, :-1].copy()
+        self._lines = {
+            "source": TrayLine(scenario.source, source, core.source_looks[0], np.zeros(source.shape, bool), gap),
+            "target": TrayLine(scenario.target, target, core.target_looks[0], np.ones(target.shape, bool), gap),
+        }
+        self._offsets = {side: line.offsets_m() for side, line in self._lines.items()}
+        self._follow()
+
+    def _changed(self) -> None:
+        self._set_lines(self._travel)
+
+    def _set_lines(self, travel: dict[Side, float]) -> None:
+        self._scene.set_lines(self._lines["source"], self._lines["target"], travel["source"], travel["target"])
+
+
+class _Clock:
+    """Spreads pictures evenly over pieces of time that follow each other."""
+
+    def __init__(self, frames_per_second: float):
+        self._period_s = 1.0 / frames_per_second
+        self._next_s = 0.0
+
+    def ticks(self, duration_s: float) -> Iterator[float]:
+        """Times of the pictures that fall into the next ``duration_s``."""
+        while self._next_s < duration_s:
+            yield self._next_s
+            self._next_s += self._period_s
+        self._next_s -= duration_s
