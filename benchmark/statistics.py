@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -94,7 +95,8 @@ def _bootstrap(values: Array, statistic: Callable[..., Any]) -> tuple[float, flo
         return value, np.nan, np.nan
     if np.ptp(values) == 0.0:
         return value, value, value
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a degenerate jackknife is what the second method is for
         for method in ("BCa", "percentile"):
             interval = bootstrap(
                 (values,),

@@ -72,6 +72,13 @@ def test_one_value_has_no_interval_and_equal_ones_a_point():
     assert statistics.mean([3.0, 3.0, 3.0]) == statistics.Estimate(3.0, 3.0, 3.0, 3)
 
 
+@pytest.mark.filterwarnings("error")
+def test_where_the_jackknife_does_not_vary_the_percentiles_serve():
+    result = statistics.interquartile_mean([0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 5.0])
+    assert result.value == 1.0
+    assert result.low <= 1.0 <= result.high
+
+
 def test_pairs_must_match():
     with pytest.raises(ValueError, match="paired"):
         statistics.paired_difference([1.0, 2.0], [1.0])
