@@ -262,9 +262,8 @@ def _link_lengths(bar: FiveBar) -> list[Finding]:
     for half in (0.0, 0.02, 0.04, 0.06, 0.08):
         other = replace(bar, half_platform_m=half, base_m=l7 - 2.0 * l3 + 2.0 * half)
         # The same motion, seen from motors that stand elsewhere.
-        apart = max(
-            apart, float(np.max(np.abs(other.inverse(poses + np.array([half - l3, 0.0])) - bar.inverse(poses))))
-        )
+        angles = other.inverse(poses + np.array([half - l3, 0.0]))
+        apart = max(apart, float(np.max(np.abs(angles - bar.inverse(poses)))))
         bases.append(1e3 * other.base_m)
     printed = np.stack(list(TABLE_1_MM.values())) * 1e-3
     enough, fitting, tried = 0.1e-3 * TABLE_1_MM["dT2"][0], [], 0
@@ -297,8 +296,8 @@ def _link_lengths(bar: FiveBar) -> list[Finding]:
             "Fig. 3, forearm length l2 = l5",
             "not printed",
             f"{len(fitting)} of {tried} geometries tried with l1 = 175 mm come, at some pose, within "
-            f"{1e3 * enough:.3f} mm rms of Table 1 (a tenth of its smallest dT2) and overlap the triangle of Fig. 6 by at "
-            f"least 0.80; their l7 - 2 l3 runs from {min(spans):.0f} to {max(spans):.0f} mm.",
+            f"{1e3 * enough:.3f} mm rms of Table 1 (a tenth of its smallest dT2) and overlap the triangle of Fig. 6 by "
+            f"at least 0.80; their l7 - 2 l3 runs from {min(spans):.0f} to {max(spans):.0f} mm.",
             alternatives=lengths,
             tolerance=5.0,
             unit="mm",
