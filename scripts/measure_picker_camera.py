@@ -1,6 +1,6 @@
 """Measure the picker's camera on rendered stops and fit the statistical camera to it.
 
-    python scripts/measure_picker_camera.py [--stops 220] [--out assets/perception/safflower.json]
+    python scripts/measure_picker_camera.py [--stops 220] [--only SCENARIO] [--out assets/perception/safflower.json]
 
 In every scenario it renders stops of fields that no benchmark uses, runs the detector, pairs reports with heads that
 are nearer than 25 mm (nearest pairs first, each head once) and counts: recall by stage and occlusion, reports without
@@ -127,8 +127,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--stops", type=int, default=220, help="least number of stops a scenario (default 220)")
     parser.add_argument("--out", type=Path, default=Path(__file__).parents[1] / "assets/perception/safflower.json")
+    parser.add_argument("--only", choices=list(SCENARIOS), help="measure one scenario and keep the other fits")
     options = parser.parse_args()
-    fits = {scenario: measure(scenario, options.stops) for scenario in SCENARIOS}
+    fits = json.loads(options.out.read_text("utf-8"))["scenarios"] if options.only else {}
+    fits |= {name: measure(name, options.stops) for name in SCENARIOS if options.only in (None, name)}
     table = Table("", *fits, "published")
     rows = {
         "stops": lambda f: str(f["stops"]),

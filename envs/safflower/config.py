@@ -57,11 +57,11 @@ class ProcessConfig:
     """Reciprocating shear speed, m/s [published: the paper, test conditions]."""
     stroke_m: float = 0.04785
     """Length of one stroke: the filament spread [published: 47.85 +- 3.73 mm]."""
-    locate_s: float = 6.0
+    locate_s: float = 7.304
     """Locating one head and handing its coordinates to the motors, before every pick [identified: 16 s per head]."""
     recognise_s: float = 1.0
     """Taking and segmenting the image of a stop [assumed]."""
-    stroke_cut: float = 0.80
+    stroke_cut: float = 0.7505
     """Share of the remaining filaments that one centred stroke cuts [identified: 87.91 % net rate]."""
     cut_radius_m: float = 0.012
     """Radial tool error (Gaussian sigma) that costs a stroke 39 % of its cut [assumed: half the tuft's radius]."""
@@ -73,7 +73,7 @@ class ProcessConfig:
     """Share of the cut filaments that would drop without suction time [assumed]."""
     suction_decay_s: float = 1.0
     """Time constant with which suction time reduces that share [assumed]."""
-    luck_logit: float = 0.8
+    luck_logit: float = 0.509
     """Standard deviation of a head's cut and collection on the logit scale [identified: Table 2, SD 1.60 points]."""
     illegal_s: float = 1.0
     """What an action that is not possible costs [assumed]."""

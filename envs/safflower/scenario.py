@@ -162,10 +162,12 @@ def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[
     up = (lift + height)[..., None] - drop
     ahead_u, across_u, turn_u = u.take(plants, slots), u.take(plants, slots), u.take(plants)
     if scenario.potted:
-        # Stems of a pot stand beside each other along the row; pots are turned so that the arm reaches every head.
-        ahead = crown[..., None] * ((number + ahead_u) / np.maximum(count[..., None], 1) - 0.5)
+        # Stems of a pot stand apart, left and right in turn, so that no flower hides another (the paper reports none
+        # missed), and pots are turned so that the arm reaches every head.
+        ahead = crown[..., None] * ((number + 0.25 + 0.5 * ahead_u) / np.maximum(count[..., None], 1) - 0.5)
         half = np.interp(up - scenario.motor_height_m, *reach_table(config.machine.picker.five_bar)) - _REACH_RESERVE_M
-        across = (2.0 * across_u - 1.0) * np.minimum(0.5 * crown[..., None], half)
+        side = 1.0 - 2.0 * (number % 2)
+        across = side * (0.35 + 0.65 * across_u) * np.minimum(0.5 * crown[..., None], half)
     else:
         # Heads of a plant keep apart: golden-angle places with some play, the terminal head in the middle.
         share = (number + _PLAY * ahead_u) / np.maximum(count[..., None], 1)

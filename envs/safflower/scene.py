@@ -126,12 +126,17 @@ class PickerScene:
         self._plant()
         p = self.parameters
         eye = np.array([self._cart_x_m + p.camera_ahead_m, 0.0, p.motor_height_m + p.camera_above_motors_m])
-        # The image's long side lies along the row.
-        return self._eye.look(self._client, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
+        # The image's long side lies along the row. Drawing only what can be in it halves the time of a look.
+        view = eye, eye - np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
+        for pool in self._pools.values():
+            pool.show(self._eye.sees(pool.places, pool.reach_m, *view))
+        return self._eye.look(self._client, *view)
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of machine and plants from beside the row."""
         self._plant()
+        for pool in self._pools.values():
+            pool.show(np.ones(len(pool.places), dtype=bool))
         camera = Camera(width, height, np.deg2rad(38.0), 0.1, 12.0)
         middle = np.array([self._cart_x_m + 0.08, 0.0, 0.5 * self.parameters.motor_height_m + 0.18])
         eye = middle + np.array([0.62, -2.15, 0.80])
@@ -231,8 +236,8 @@ def _make_pools(client: PhysicsClient, potted: bool) -> dict[str, Pool]:
         "pot": Pool(client, _pot(), TERRACOTTA, 6),
         "soil": Pool(client, surface_of_revolution(np.array([0.115, 0.0]), np.zeros(2), 16), SOIL, 6),
         "block": Pool(client, turned(box((0.22, 0.22, 0.60)), np.eye(3), (0.0, 0.0, -0.30)), WOOD, 6),
-        "ground": Pool(client, box((8.0, 5.0, 0.02)), GROUND, 1),
-        "furrow": Pool(client, box((8.0, 0.16, 0.03)), FURROW, 2),
+        "ground": Pool(client, box((8.0, 5.0, 0.02), bottom=False), GROUND, 1),
+        "furrow": Pool(client, box((8.0, 0.16, 0.03), bottom=False), FURROW, 2),
     }
     for index, radius in enumerate(_TUFT_RADII_M):
         pools[f"tuft{index}"] = Pool(client, tuft(radius, _TUFT_HEIGHT_M), BLOOM[1], heads * 2 // 3)
