@@ -49,6 +49,21 @@ class Camera:
     near_m: float = 0.05
     far_m: float = 8.0
 
+    def sees(self, centre: Array, radius_m: float, eye: Array, target: Array, up: Array) -> NDArray[np.bool_]:
+        """Which balls about ``centre`` (n, 3) may show in the picture taken from ``eye`` towards ``target``.
+
+        A ball that misses the opening's pyramid never shows; one near an edge of the pyramid may be let through.
+        """
+        ahead = (target - eye) / np.linalg.norm(target - eye)
+        right = np.cross(ahead, up) / np.linalg.norm(np.cross(ahead, up))
+        offset = centre - eye
+        depth, across, along = offset @ ahead, offset @ right, offset @ np.cross(right, ahead)
+        upright = 0.5 * self.field_of_view_rad
+        sideways = np.arctan(np.tan(upright) * self.width / self.height)
+        beside = np.abs(across) * np.cos(sideways) - depth * np.sin(sideways)
+        above = np.abs(along) * np.cos(upright) - depth * np.sin(upright)
+        return (beside <= radius_m) & (above <= radius_m) & (depth <= self.far_m + radius_m)
+
     def look(self, client: PhysicsClient, eye: Array, target: Array, up: Array, *, shadows: bool = False) -> RgbdFrame:
         """Draw the world of ``client`` as seen from ``eye`` towards ``target``, points (3,) in metres."""
         view = pybullet.computeViewMatrix(list(eye), list(target), list(up))
@@ -73,7 +88,7 @@ class Camera:
         buffer = np.asarray(buffer, np.float64).reshape(self.height, self.width)
         depth = self.far_m * self.near_m / (self.far_m - (self.far_m - self.near_m) * buffer)
         focal = 0.5 * self.height / np.tan(0.5 * self.field_of_view_rad)
-        # The renderer samples at the left lower corner of a pixel, and its rows are turned over: see the camera's tests.
+        # The renderer samples at a pixel's left lower corner and turns its rows over: see the camera's tests.
         intrinsics = np.array([[focal, 0.0, 0.5 * self.width], [0.0, focal, 0.5 * self.height - 1.0], [0.0, 0.0, 1.0]])
         # OpenGL looks along -z with y up; the pose is given in OpenCV's axes.
         world_from_gl = np.linalg.inv(np.array(view).reshape(4, 4, order="F"))

@@ -120,25 +120,33 @@ def tuft(radius_m: float, height_m: float, florets: int = 26) -> Mesh:
     return merged(*parts)
 
 
-def box(size_m: tuple[float, float, float]) -> Mesh:
-    """Box with its centre at the origin."""
+def box(size_m: tuple[float, float, float], *, bottom: bool = True) -> Mesh:
+    """Box with its centre at the origin; what lies on the ground saves drawing time without its ``bottom``."""
     corners = 0.5 * np.array(size_m) * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]]
-    faces += [[0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    faces += [[1, 5, 7], [1, 7, 3]]
+    if bottom:
+        faces += [[0, 2, 6], [0, 6, 4]]
     return flat_shaded(corners, np.array(faces))
 
 
 class Pool:
-    """Copies of one mesh in a world: made once, placed again and again, parked out of sight when not needed.
+    """Copies of one mesh in a world: made once, placed again and again, hidden when not needed.
 
-    PyBullet never gives a mesh's memory back, so that scenes which change must reuse what they have.
+    PyBullet never gives a mesh's memory back, so that scenes which change must reuse what they have. The software
+    renderer works through every triangle of a body wherever it is and skips only what is fully transparent: a thousand
+    copies parked out of sight cost a picture 30 ms, a thousand transparent ones 1 ms. Transparent ones still throw
+    shadows, so they also go below ground; each to a spot of its own, for a move away from a heap of bodies, which count
+    as touching, takes 0.2 ms instead of 0.01 ms.
+
+    Attributes:
+        reach_m: distance of the mesh's farthest vertex from its origin.
     """
-
-    PARKED = (0.0, 0.0, -50.0)
 
     def __init__(self, client: PhysicsClient, mesh: Mesh, colour: tuple[float, ...], copies: int):
         """Make ``copies`` bodies with one shared shape."""
         self._client = client
+        self.reach_m = float(np.linalg.norm(mesh.vertices, axis=1).max())
         arguments: dict[str, Any] = {
             "vertices": mesh.vertices.tolist(),
             "indices": mesh.triangles.ravel().tolist(),
@@ -147,15 +155,26 @@ class Pool:
         shape = pybullet.createVisualShape(
             pybullet.GEOM_MESH, rgbaColor=list(colour), physicsClientId=client.id, **arguments
         )
+        self._spots = [(3.0 * self.reach_m * index, 3.0 * shape, -50.0) for index in range(copies)]
         self._bodies = [
-            pybullet.createMultiBody(0.0, -1, shape, self.PARKED, physicsClientId=client.id) for _ in range(copies)
+            pybullet.createMultiBody(0.0, -1, shape, spot, physicsClientId=client.id) for spot in self._spots
         ]
         self._colours = [tuple(colour)] * copies
+        self._visible = [True] * copies
+        self._parked = np.ones(copies, dtype=bool)
+        self._places = np.zeros((copies, 3))
         self._used = 0
+        for index in range(copies):
+            self._set_visible(index, False)
 
     def __len__(self) -> int:
         """Copies that there are."""
         return len(self._bodies)
+
+    @property
+    def places(self) -> Array:
+        """Positions (n, 3) of the copies placed since the last ``clear``."""
+        return self._places[: self._used].copy()
 
     def clear(self) -> None:
         """Park all copies."""
@@ -177,16 +196,32 @@ class Pool:
         pybullet.resetBasePositionAndOrientation(
             body, list(position), list(orientation), physicsClientId=self._client.id
         )
+        self._places[index], self._parked[index] = position, False
         if colour is not None and self._colours[index] != colour:
-            pybullet.changeVisualShape(body, -1, rgbaColor=list(colour), physicsClientId=self._client.id)
             self._colours[index] = colour
+            self._visible[index] = False
+        self._set_visible(index, True)
         return index
+
+    def show(self, visible: NDArray[np.bool_]) -> None:
+        """Of the ``places``, draw only those that ``visible`` (n,) names, until told otherwise; none moves."""
+        for index, wanted in enumerate((visible & ~self._parked[: self._used]).tolist()):
+            self._set_visible(index, wanted)
 
     def park(self, index: int) -> None:
         """Take one placed copy out of sight."""
         pybullet.resetBasePositionAndOrientation(
-            self._bodies[index], self.PARKED, [0.0, 0.0, 0.0, 1.0], physicsClientId=self._client.id
+            self._bodies[index], self._spots[index], [0.0, 0.0, 0.0, 1.0], physicsClientId=self._client.id
         )
+        self._parked[index] = True
+        self._set_visible(index, False)
+
+    def _set_visible(self, index: int, visible: bool) -> None:
+        if self._visible[index] == visible:
+            return
+        colour = self._colours[index] if visible else (*self._colours[index][:3], 0.0)
+        pybullet.changeVisualShape(self._bodies[index], -1, rgbaColor=list(colour), physicsClientId=self._client.id)
+        self._visible[index] = visible
 
 
 def upright_to(direction: Array) -> Array:
