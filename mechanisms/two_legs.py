@@ -255,11 +255,11 @@ class TwoLegs:
                 np.negative(square, out=square)
             # Only a wrist above this level has a closure with an upright arm, where the quotient below turns to 0/0.
             level = arm - forearm - _UPRIGHT_BAND * arm
-            if highest < level:
-                square -= x
-                np.divide(square, np.subtract(y, reach, out=reach), out=square)
-            else:
-                _half_angles(x, y, reach, square, leg.side, level)
+            mended = () if highest < level else _high_wrists(x, y, reach, square, leg.side, level)
+            square -= x
+            np.divide(square, np.subtract(y, reach, out=reach), out=square)
+            for rows, tangents in mended:
+                square[rows] = tangents
             np.arctan(square, out=square)
             np.multiply(square, 2.0, out=joints[index])
             joints[index] += _HANGING
@@ -335,14 +335,17 @@ def solve_pair(matrix: Array, vector: Array) -> Array:
         return np.stack([x, y], axis=-1) / determinant[..., None]
 
 
-def _half_angles(x: Array, y: Array, reach: Array, root: Array, side: float, level: float) -> None:
-    """Tangents of half the arms' angles from hanging, in place of ``root``, for wrists that may be high.
+def _high_wrists(
+    x: Array, y: Array, reach: Array, root: Array, side: float, level: float
+) -> tuple[tuple[np.ndarray, Array | float], ...]:
+    """Rows of wrists above ``level`` with the tangents of half the arms' angles from hanging there.
 
     Of the two closures the quotient (root - x) / (y - reach) turns to 0/0 for the wanted one where the other one's arm
-    is upright; multiplied out it reads (y + reach) / (root + x), which is sound there.
+    is upright; multiplied out it reads (y + reach) / (root + x), which is sound there. Both vanish only where arm and
+    forearm lie on the vertical with the arm upright.
     """
-    turned = (y >= level) & (side * x > 0.0)
-    numerator = np.where(turned, y + reach, root - x)
-    np.divide(numerator, np.where(turned, root + x, y - reach), out=root)
-    # Both vanish only where arm and forearm lie on the vertical with the arm upright.
-    root[(numerator == 0.0) & np.isnan(root)] = np.inf
+    high = np.flatnonzero(~(y < level))
+    x, y, reach, root = x[high], y[high], reach[high], root[high]
+    upright = (root == x) & (y == reach)
+    turned = side * x > 0.0
+    return (high[upright], np.inf), (high[turned], (y + reach)[turned] / (root + x)[turned])
