@@ -25,6 +25,10 @@ NORMAL = EFFORTS.index("normal")
 _COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
 _OPEN = [_COLUMN[STAGES[stage]] for stage in OPEN_STAGES]
 _MEAN_SIZE_M = 0.04785
+_OPEN_SHARE = 0.4
+"""Share of a plant's heads that are in bloom and seen on an average day [assumed by the rule]."""
+_SIZE_TRUST = 0.3
+"""How far a reported size is believed to differ from the mean: the rest is the camera's error [assumed by the rule]."""
 _CENTRED_SHARE = 0.9
 """Share of a stroke's cut that is left on average at the camera's position error [assumed by the rule]."""
 
@@ -95,12 +99,10 @@ class NearestTwoOpt(StatelessPolicy):
 
 
 class GramsPerSecond(StatelessPolicy):
-    """Chooses head and effort by what they bring against what a second is worth.
+    """The soonest reached open head that is worth its time, with the effort that brings most for it.
 
-    While the row can be finished in time a second costs what the reward charges, every head is worth its best effort
-    and the soonest reached one comes next. When the time will not do, a second costs what picking earns on average:
-    efforts shrink, the head with the highest surplus per second comes next, and below-average ones only within the
-    stop's share.
+    An effort is worth its expected grams less its seconds at a price: what the reward charges while the row can be
+    finished in time, and what picking earns on average when it cannot, so that efforts shrink as time runs short.
     """
 
     name = "grams-per-second"
@@ -116,7 +118,9 @@ class GramsPerSecond(StatelessPolicy):
         self._process_s = self._process_s + process.locate_s + config.machine.settle_s
         self._price = abs(config.weights.seconds)
         self._average = float(np.max(self._grams / (self._process_s + 0.5 * TRAVEL_SCALE_S)))
-        self._head_share = (self._process_s[NORMAL] + 0.5 * TRAVEL_SCALE_S) / config.scenario.time_limit_s
+        scenario = config.scenario
+        self._head_share = (self._process_s[NORMAL] + 0.5 * TRAVEL_SCALE_S) / scenario.time_limit_s
+        self._row_heads = scenario.plants * scenario.mean_heads * (1.0 if scenario.potted else _OPEN_SHARE)
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
@@ -124,18 +128,15 @@ class GramsPerSecond(StatelessPolicy):
         open_heads = wanted(observation)
         used = machine[:, MACHINE_FEATURES.index("time")]
         served = 1.0 - machine[:, MACHINE_FEATURES.index("stops_left")]
-        tight = used + self._head_share * open_heads.sum(axis=1) > served
+        ahead = open_heads.sum(axis=1) + (1.0 - served) * self._row_heads
+        tight = used + self._head_share * ahead > 1.0
         second = np.where(tight, self._average, self._price)[:, None, None]
-        # Filaments grow with the tuft's area.
+        # Filaments grow with the tuft's area; much of what the camera sees of it is its own error.
         area = (candidates[..., _COLUMN["size"]] * (SIZE_SCALE_M / _MEAN_SIZE_M)) ** 2
+        area = 1.0 + _SIZE_TRUST * (area - 1.0)
         travel_s = candidates[..., _COLUMN["travel"]] * TRAVEL_SCALE_S
-        time_s = travel_s[..., None] + self._process_s
-        surplus = area[..., None] * self._grams - second * time_s
-        effort = surplus.argmax(axis=-1)
-        best = surplus.max(axis=-1)
-        rank = np.where(tight[:, None], best / time_s[..., NORMAL], -travel_s)
-        worth = open_heads & ((best > 0.0) | tight[:, None])
-        slot = np.where(worth, rank, -np.inf).argmax(axis=1)
-        above_average = (open_heads & (best > 0.0)).any(axis=1)
-        stay = worth.any(axis=1) & ~(tight & (used > served) & ~above_average)
-        return _pick(slot, effort[np.arange(len(slot)), slot], stay, open_heads.shape[1])
+        surplus = area[..., None] * self._grams - second * (travel_s[..., None] + self._process_s)
+        worth = open_heads & ((surplus.max(axis=-1) > 0.0) | tight[:, None])
+        slot = np.where(worth, -travel_s, -np.inf).argmax(axis=1)
+        effort = surplus[np.arange(len(slot)), slot].argmax(axis=-1)
+        return _pick(slot, effort, worth.any(axis=1), open_heads.shape[1])
