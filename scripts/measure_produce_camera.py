@@ -44,15 +44,15 @@ class Tally:
     def add(self, seen: Produce, core: SortingCore, taken_s: float) -> None:
         """Count one image."""
         belt = core.config.belt
-        truth = core.item_truth(0)
-        x = belt.speed_m_s * (taken_s - truth[0])
+        arrival, y, _ = core.item_place[0].T
+        x = belt.speed_m_s * (taken_s - arrival)
         half = 0.5 * belt.camera_step_m
         there = np.flatnonzero(core.item_exists(0) & (np.abs(x - belt.camera_x_m) <= half))
         around = np.flatnonzero(core.item_exists(0) & (np.abs(x - belt.camera_x_m) <= half + MATCH_RADIUS_M))
         near = np.flatnonzero(np.abs(seen.position[:, 0] - belt.camera_x_m) <= half + 0.5 * MATCH_RADIUS_M)
         self.frames += 1
         self.items += len(there)
-        places = np.stack([x, truth[1]], axis=-1)
+        places = np.stack([x, y], axis=-1)
         used: set[int] = set()
         found: set[int] = set()
         distance = np.linalg.norm(seen.position[near][:, None, :2] - places[around][None], axis=-1)
@@ -72,12 +72,12 @@ class Tally:
         self.false += sum(r not in used for r in inside)
 
     def _pair(self, seen: Produce, report: int, core: SortingCore, item: int, x: float) -> None:
-        truth = core.item_truth(0, item)
+        _, y, z = core.item_place[0, item]
         length, width, thickness, yaw, tilt, azimuth, _ = core.item_shape[0, item]
         grade = int(core.item_grade[0, item])
         kind = int(grade // 2 == FRUIT)
         self.confusion[grade, seen.grade[report]] += 1
-        centre = np.array([x, truth[1], truth[2] + core.config.machine.sorter.belt_height_m])
+        centre = np.array([x, y, z + core.config.machine.sorter.belt_height_m])
         self.centre.append(seen.position[report] - centre)
         self.yaw[kind].append(float(wrapped(np.array(seen.yaw[report] - yaw))))
         lean = tilt * np.array([np.cos(azimuth), np.sin(azimuth)])

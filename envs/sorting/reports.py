@@ -13,13 +13,17 @@ from .reach import reach_m
 from .scenario import Reports
 
 COLUMNS = (
-    *("passing_s", "y", "first_x", "last_x", "z", "descend_s", "hold_s", "deadline_s"),
-    *("w", "i", "j", "k", "x_x", "x_y", "x_z", "z_x", "z_y", "z_z"),
-    *("carry_least_s", "carry_across_square", "bin_x"),
+    *("passing_s", "y", "first_x", "last_x", "hold_s", "deadline_s", "w", "i", "j", "k"),
+    *("carry_least_s", "carry_across_square", "bin_x", "carry_guess_s"),
+    *("z", "descend_s", "x_x", "x_y", "x_z", "z_x", "z_y", "z_z"),
 )
 """Rows of a report's numbers: when the platform over it would pass x = 0; its y; first and last x where an approach may
-end; height of the grip; seconds down (and up again); seconds from the approach's end to the lift's; latest end of an
-approach; the tool's quaternion and its x and z axes; for the way to the bin its least time, square of y and x."""
+end; seconds from the approach's end to the lift's; latest end of an approach; the tool's quaternion; for the way to the
+bin its least time, square of y, x and a first guess at the time; height of the grip; seconds down (and up again); the
+tool's x and z axes."""
+
+SURVEYED = COLUMNS.index("z")
+"""Rows before this one are looked at for every candidate at every decision, the others for the chosen one."""
 
 SWING_M = 0.006
 """Kept free at the end of the reach: the way to the bin begins at the belt's speed [assumed, tested]."""
@@ -61,18 +65,21 @@ def prepare(config: SortingConfig, reports: Reports) -> tuple[Array, Array, Arra
     )
     bins = np.array(belt.bins_m)
     deadline = np.where(fits, passing + last / belt.speed_m_s, -np.inf)
+    across = bins[reports.grade, 1] - y
+    aside = np.sqrt(across * across + bins[reports.grade, 0] ** 2)
+    guess = QUINTIC.duration_unchecked(aside, sorter.velocity_m_s - belt.speed_m_s, sorter.acceleration_m_s2)
     columns = np.stack(
         [
-            *(passing, y, -half, last, z, descend, hold, np.where(fits, deadline, -1e9)),
-            *quaternion,
+            *(passing, y, -half, last, hold, np.where(fits, deadline, -1e9), *quaternion),
+            *(carry_least, across * across, bins[reports.grade, 0], np.maximum(guess, carry_least), z, descend),
             *(turned[..., row, column] for column in (0, 2) for row in range(3)),
-            *(carry_least, (bins[reports.grade, 1] - y) ** 2, bins[reports.grade, 0]),
         ]
     )
     missing = reports.tilt - tilt
     yaw_misfit = ((1.0 - reports.width) * np.sin(yaw_seen - yaw)) ** 2
     tilt_misfit = ((1.0 - reports.thickness) * np.sin(missing)) ** 2
-    quality = config.grip.best * grip_quality(config.grip, 0.0 * y, 0.0 * y, yaw_misfit, tilt_misfit)
+    misfit = np.stack([yaw_misfit, tilt_misfit])
+    quality = config.grip.best * grip_quality(config.grip, np.zeros((3, *y.shape)), misfit)
     # Scales as in the task's module, which this one must not import.
     static = (
         *(there, 0.0 * y, y / 0.2, np.cos(2.0 * yaw_seen), np.sin(2.0 * yaw_seen), reports.tilt / 0.35, turn),

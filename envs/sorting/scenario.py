@@ -139,20 +139,27 @@ def gaps(scenario: ScenarioConfig, wait: Array, together: Array) -> Array:
 
 
 def keep_apart(arrival_s: Array, y_m: Array, radius_m: Array, speed_m_s: float) -> Array:
-    """Delay items (R, N), in order of arrival, until none overlaps one of the five before it."""
-    time = np.full((len(arrival_s), arrival_s.shape[1] + _NEIGHBOURS), -np.inf)
-    for i in range(arrival_s.shape[1]):
-        own = slice(i, i + 1)
-        before = slice(max(i - _NEIGHBOURS, 0), i)
-        earliest = arrival_s[:, i]
-        if i:
-            reach = radius_m[:, before] + radius_m[:, own]
-            across = y_m[:, before] - y_m[:, own]
-            along = np.sqrt(np.maximum(reach * reach - across * across, 0.0))
-            clear = time[:, before] + along * (1.0 / speed_m_s)
-            earliest = np.maximum(earliest, clear.max(axis=1))
-        time[:, i] = earliest
-    return time[:, : arrival_s.shape[1]]
+    """Delay items (R, N), in order of arrival, until none overlaps one of the five before it.
+
+    Every item comes as soon as it may: the delays are passed on down the belt until nothing changes any more.
+    """
+    rows, n = arrival_s.shape
+    time = arrival_s.copy()
+    count = min(_NEIGHBOURS, n - 1)
+    clear_s = []
+    for back in range(1, count + 1):
+        reach = radius_m[:, :-back] + radius_m[:, back:]
+        across = y_m[:, :-back] - y_m[:, back:]
+        square = reach * reach - across * across
+        # Items that pass beside each other do not wait for each other at all.
+        clear_s.append(np.where(square > 0.0, np.sqrt(np.maximum(square, 0.0)) * (1.0 / speed_m_s), -np.inf))
+    for _ in range(n):
+        before = time.copy()
+        for back, clear in enumerate(clear_s, start=1):
+            np.maximum(time[:, back:], before[:, :-back] + clear, out=time[:, back:])
+        if np.array_equal(time, before):
+            break
+    return time
 
 
 def centre_height_m(length_m: Array, width: Array, thickness: Array, yaw: Array, tilt: Array, azimuth: Array) -> Array:

@@ -14,7 +14,7 @@ from ...motion import QUINTIC
 from ..core import COMMON_SCORES, Array, Rows, StepResult, TaskCore
 from .config import GRADES, PerceptionModel, SortingConfig
 from .process import grip_quality, holds, slips
-from .reports import COLUMNS, prepare
+from .reports import COLUMNS, SURVEYED, prepare
 from .scenario import Reports, draw_blocks, draw_items, draw_reports, ghost_slots, item_axes, random_numbers
 
 PICK, WAIT, NOTHING = 0, 1, 2
@@ -35,6 +35,8 @@ WAIT_SCALE_S = 4.0
 CYCLE_SCALE_S = 2.0
 """What the features are divided by, to be of order one."""
 
+_GUESS_S = 0.15
+"""First guess at how much longer an approach takes than turning alone."""
 _STATIC = CANDIDATE_FEATURES.index("approach")
 _WINDOW_MORE = 12
 _FEATURE_LIMIT = 10.0
@@ -79,10 +81,10 @@ class SorterPlan(NamedTuple):
 
 
 class Grip(NamedTuple):
-    """What came of closing the fingers: whether they hold, (B,), and how well they fit, (B,)."""
+    """What came of closing the fingers: whether they hold, and whether the item slips out on the way, (B,) each."""
 
     held: NDArray[np.bool_]
-    quality: Array
+    lost: NDArray[np.bool_]
 
 
 class SorterOutcome(NamedTuple):
@@ -160,7 +162,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self._window = np.arange(k + _WINDOW_MORE)
         self._item_offset, self._report_offset = self._rows * (items + 1), self._rows * (reports + 1)
         # True items, one row a quantity so that a gather brings contiguous columns; the last item is none.
-        self._truth = np.zeros((15, b, items + 1))
+        self._truth = np.zeros((13, b, items + 1))
+        self.item_place = np.full((b, items + 1, 3), np.inf)
         self.item_free = np.zeros((b, items + 1), bool)
         self.item_grade = np.zeros((b, items + 1), np.int64)
         self.item_shape = np.zeros((b, items + 1, 7))
@@ -194,14 +197,15 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
         items = draw_items(self.config, uniform, normal)
         long_axis, short_axis = item_axes(items.yaw, items.tilt, items.azimuth)
-        truth = self._truth
-        truth[0, rows, :-1] = items.arrival_s
-        truth[1, rows, :-1], truth[2, rows, :-1] = items.y_m, items.z_m
+        truth, above = self._truth, self.config.machine.sorter.origin_above_belt_m
+        truth[0, rows, :-1] = items.arrival_s - items.slip_m[..., 0] * (1.0 / self._speed)
+        truth[1, rows, :-1], truth[2, rows, :-1] = items.y_m + items.slip_m[..., 1], items.z_m - above
         truth[3:6, rows, :-1] = np.moveaxis(long_axis, -1, 0)
         truth[6:9, rows, :-1] = np.moveaxis(short_axis, -1, 0)
         truth[9, rows, :-1], truth[10, rows, :-1] = (1.0 - items.width) ** 2, (1.0 - items.thickness) ** 2
         truth[11, rows, :-1], truth[12, rows, :-1] = items.luck[..., 0], items.luck[..., 1]
-        truth[13, rows, :-1], truth[14, rows, :-1] = items.slip_m[..., 0], items.slip_m[..., 1]
+        for column, values in enumerate((items.arrival_s, items.y_m, items.z_m)):
+            self.item_place[rows, :-1, column] = values
         self.item_free[rows, :-1], self.item_grade[rows, :-1] = items.exists, items.grade
         shape = (items.length_m, items.width, items.thickness, items.yaw, items.tilt, items.azimuth, items.skin)
         for column, values in enumerate(shape):
@@ -257,13 +261,13 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         legal = survey.legal.take(at)
         kind = np.where(actions == k, WAIT, np.where(legal, PICK, NOTHING))
         picking = kind == PICK
-        p = survey.columns.reshape(len(COLUMNS), -1).take(at, axis=1)
         place = survey.place.take(at)
+        p = self._columns.reshape(len(COLUMNS), -1).take(place, axis=1)
         grade = self.report_grade.take(place)
         phases = np.zeros((len(kind), len(self.phase_names)))
         phases[:, 0] = survey.wait_s.take(at)
         phases[:, 1] = survey.approach_s.take(at)
-        phases[:, 2] = phases[:, 4] = p[5]
+        phases[:, 2] = phases[:, 4] = p[15]
         phases[:, 3] = self.config.grip.grip_s
         phases[:, 5] = survey.carry_s.take(at)
         phases[:, 6] = self.config.grip.release_s
@@ -273,8 +277,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         meet = np.empty((len(kind), 2))
         meet[:, 0], meet[:, 1] = survey.meet_x.take(at), p[1]
         grip = np.empty((len(kind), 3))
-        grip[:, 0] = meet[:, 0] + self._speed * p[5]
-        grip[:, 1], grip[:, 2] = p[1], p[4]
+        grip[:, 0] = meet[:, 0] + self._speed * p[15]
+        grip[:, 1], grip[:, 2] = p[1], p[14]
         return SorterPlan(
             kind=kind,
             slot=slot,
@@ -283,28 +287,27 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
             start_turn=self.turn,
             meet=meet,
             grip=grip,
-            turn=np.ascontiguousarray(p[8:12].T),
-            axes=p[12:18],
+            turn=np.ascontiguousarray(p[6:10].T),
+            axes=p[16:],
             bin=self._bins.take(grade, axis=0),
             phases_s=phases,
         )
 
     def grip(self, plan: SorterPlan, position: Array, axes: Array) -> Grip:
         """What the fingers get when they close with the platform at ``position`` (B, 3) and the tool's ``axes``."""
-        truth = self._truth_of(plan)
-        tool_m, config = self.config.machine.sorter.tool_m, self.config.grip
-        closing_s = self.totals[:, _TIME] + plan.phases_s[:, 0] + plan.phases_s[:, 1] + plan.phases_s[:, 2]
-        along = position[:, 0] - tool_m * axes[3] - self._speed * (closing_s - truth[0]) - truth[13]
-        across = position[:, 1] - tool_m * axes[4] - truth[1] - truth[14]
-        above = self.config.machine.sorter.origin_above_belt_m
-        up = position[:, 2] - tool_m * axes[5] + above - truth[2]
-        in_line = axes[0] * truth[3] + axes[1] * truth[4] + axes[2] * truth[5]
-        upright = axes[3] * truth[6] + axes[4] * truth[7] + axes[5] * truth[8]
-        yaw_misfit, tilt_misfit = (1.0 - in_line * in_line) * truth[9], (1.0 - upright * upright) * truth[10]
-        item = self.report_item.take(self._report_offset + plan.report)
-        free = self.item_free.take(self._item_offset + item)
-        quality = grip_quality(config, along * along + across * across, up, yaw_misfit, tilt_misfit) * free
-        return Grip(holds(config, quality, truth[11]), quality)
+        item = self._item_offset + self.report_item.take(self._report_offset + plan.report)
+        truth = self._truth.reshape(len(self._truth), -1).take(item, axis=1)
+        phases = plan.phases_s
+        closing_s = self.totals[:, _TIME] + phases[:, 0] + phases[:, 1] + phases[:, 2]
+        tool = position.T - self.config.machine.sorter.tool_m * axes[3:]
+        off = tool - truth[:3]
+        off[0] = tool[0] - self._speed * (closing_s - truth[0])
+        in_line = axes * truth[3:9]
+        cosines = in_line[0::3] + in_line[1::3] + in_line[2::3]
+        misfit = (1.0 - cosines * cosines) * truth[9:11]
+        quality = grip_quality(self.config.grip, off, misfit) * self.item_free.take(item)
+        held = holds(self.config.grip, quality, truth[11])
+        return Grip(held, held & slips(self.config.grip, quality, truth[12]))
 
     def phases_of(self, plan: SorterPlan, held: NDArray[np.bool_]) -> Array:
         """Nominal seconds (B, 7) of each phase: after an empty grip the platform only comes to rest."""
@@ -321,13 +324,13 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         held = outcome.grip.held & picking
         at = self._report_offset + plan.report
         item = self.report_item.take(at)
-        truth = self._truth_of(plan)
-        lost = held & slips(self.config.grip, outcome.grip.quality, truth[12])
+        lost = outcome.grip.lost & picking
         arrived = held & ~lost
-        true_grade = self.item_grade.take(self._item_offset + item)
+        place = self._item_offset + item
+        true_grade = self.item_grade.take(place)
         right = arrived & (true_grade == self.report_grade.take(at))
         value = self._values.take(true_grade) * right
-        self.item_free.put((self._item_offset + item)[held], False)
+        self.item_free.put(place[held], False)
         self.leave_s.put(at[picking], -np.inf)
 
         totals = self.totals
@@ -362,8 +365,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         feature = self._feature.reshape(-1, len(CANDIDATE_FEATURES)).take(survey.place, axis=0)
         present = feature[..., 0]
         total_s = survey.approach_s + survey.wait_s + survey.carry_s
-        total_s += p[6] + self.config.grip.release_s
-        slack = p[7] - t[:, None] - survey.approach_s
+        total_s += p[4] + self.config.grip.release_s
+        slack = p[5] - t[:, None] - survey.approach_s
         feature[..., 1] = (t[:, None] - p[0]) * (self._speed / PLACE_SCALE_M)
         feature[..., _STATIC] = survey.approach_s
         feature[..., _STATIC + 1] = survey.wait_s * (1.0 / WAIT_SCALE_S)
@@ -371,13 +374,11 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         feature[..., _STATIC + 3] = np.maximum(slack, -WAIT_SCALE_S) * (1.0 / WAIT_SCALE_S)
         feature[..., _STATIC + 4] = survey.legal
         feature *= present[..., None]
-        np.clip(feature, -_FEATURE_LIMIT, _FEATURE_LIMIT, out=feature)
         machine = np.empty((self.worlds, len(MACHINE_FEATURES)), np.float32)
         machine[:, :2] = self.place * (1.0 / PLACE_SCALE_M)
         machine[:, 2] = np.sqrt(np.maximum(1.0 - self.turn[:, 0] * self.turn[:, 0], 0.0))
         machine[:, 3] = t * (1.0 / self.config.scenario.time_limit_s)
         machine[:, 4] = np.add.reduce(present, axis=1) * (1.0 / self.config.slots)
-        np.minimum(machine, _FEATURE_LIMIT, out=machine)
         mask = np.ones((self.worlds, self.config.slots + 1), np.int8)
         mask[:, :-1] = survey.legal
         return {"machine": machine, "candidates": feature.reshape(self.worlds, -1), "action_mask": mask}
@@ -413,13 +414,9 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         what = next((word for value, word in words if value), "no reward")
         return f"{grade} from slot {int(plan.slot[row])}: {what}, {elapsed:.2f} s"
 
-    def item_truth(self, row: int, item: int | slice = slice(None)) -> Array:
-        """True numbers of an item, or of all: passing time, y, z, long axis, short axis, ...; for drawing alone."""
-        return self._truth[:, row, item]
-
     def item_exists(self, row: int) -> NDArray[np.bool_]:
-        """Which of a world's item slots (N + 1,) hold an item, on the belt or not; for drawing alone."""
-        return np.isfinite(self._truth[0, row]) & (np.arange(self._no_item + 1) < self._no_item)
+        """Which of a world's item slots (N + 1,) hold an item, on the belt or not; for drawing and counting alone."""
+        return np.isfinite(self.item_place[row, :, 0])
 
     def item_mass_kg(self, plan: SorterPlan, row: int = 0) -> float:
         """Mass of the item that a world's plan goes for; 0 where there is none."""
@@ -439,11 +436,7 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         report = int(survey.place[row, slot] - self._report_offset[row])
         if report == self._no_report:
             return "no item in this slot"
-        return explain(self.config, survey.columns[:, row, slot], float(self.totals[row, _TIME]))
-
-    def _truth_of(self, plan: SorterPlan) -> Array:
-        item = self.report_item.take(self._report_offset + plan.report)
-        return self._truth.reshape(len(self._truth), -1).take(self._item_offset + item, axis=1)
+        return explain(self.config, self._columns[:, row, report], float(self.totals[row, _TIME]))
 
     def _move(self, plan: SorterPlan, picking: NDArray[np.bool_], held: NDArray[np.bool_]) -> None:
         """Put the platforms where the decision leaves them: over the bin, or at rest over the belt."""
@@ -470,29 +463,30 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
     def _look(self) -> _Survey:
         t = self.totals[:, _TIME, None]
         place = self._candidates(t)
-        p = self._columns.reshape(len(COLUMNS), -1).take(place, axis=1)
+        p = self._columns[:SURVEYED].reshape(SURVEYED, -1).take(place, axis=1)
         v, half_v = self._speed, 0.5 * self._speed
-        x0, y0 = self.place[:, :1], self.place[:, 1:]
-        cosine = np.abs(np.add.reduce(p[8:12] * self.turn.T[:, :, None], axis=0))
+        y0 = self.place[:, 1:]
+        cosine = np.abs(np.add.reduce(p[6:10] * self.turn.T[:, :, None], axis=0))
         turn = 2.0 * np.arccos(np.minimum(cosine, 1.0))
         least = np.maximum(turn * self._by_rate, np.sqrt(turn * self._by_twist))
         np.maximum(least, self.config.machine.shortest_move_s, out=least)
         x_now = (t - p[0]) * v
         across = p[1] - y0
         across *= across
-        # The item moves on while the tool comes: the time is a fixed point, and the belt is slow against the tool.
-        approach = least
-        for _ in range(3):
-            meet_x = np.maximum(x_now + v * approach, p[2])
-            approach = self._move_s(meet_x - x0 - half_v * approach, across, least)
+        # The item moves on while the tool comes: the time is a fixed point. The belt is slow against the tool, so that
+        # two rounds bring it to 0.1 % of the distance.
+        approach = least + _GUESS_S
+        for _ in range(2):
+            follow = half_v * approach
+            along = np.maximum(x_now + (follow + follow), p[2]) - (self.place[:, :1] + follow)
+            approach = self._move_s(along, across, least)
         meet_x = np.maximum(x_now + v * approach, p[2])
         wait = np.maximum((meet_x - x_now) * (1.0 / v) - approach, 0.0)
-        legal = meet_x <= p[3]
-        leave_x = meet_x + v * p[6]
-        carry = p[18]
-        for _ in range(3):
-            carry = self._move_s(p[20] - leave_x - half_v * carry, p[19], p[18])
-        return _Survey(place, p, meet_x, approach, wait, carry, legal)
+        way = p[12] - meet_x - v * p[4]
+        carry = p[13]
+        for _ in range(2):
+            carry = self._move_s(way - half_v * carry, p[11], p[10])
+        return _Survey(place, p, meet_x, approach, wait, carry, meet_x <= p[3])
 
     def _move_s(self, along: Array, across_square: Array, least_s: Array) -> Array:
         """Seconds of a horizontal motion under the speed and acceleration limits, at least ``least_s``."""

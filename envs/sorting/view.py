@@ -183,15 +183,15 @@ class SorterView:
     def _lies(self, item: int, time_s: float) -> tuple[Array, Array]:
         """World position (3,) and quaternion of an item on the belt."""
         core = self._core
-        truth = core.item_truth(0, item)
-        x = self._config.belt.speed_m_s * (time_s - truth[0])
-        position = np.array([x, truth[1], self._config.machine.sorter.belt_height_m + truth[2]])
+        arrival_s, y, z = core.item_place[0, item].tolist()
+        x = self._config.belt.speed_m_s * (time_s - arrival_s)
+        position = np.array([x, y, self._config.machine.sorter.belt_height_m + z])
         yaw, tilt, azimuth = core.item_shape[0, item, 3:6]
         return position, tilted(tilt, azimuth, yaw)
 
     def _items(self, time_s: float, shown: NDArray[np.bool_], but: int = -1) -> list[ShownItem]:
         core, belt = self._core, self._config.belt
-        arrival = core.item_truth(0)[0]
+        arrival = core.item_place[0, :, 0]
         x = belt.speed_m_s * (time_s - arrival)
         there = shown & core.item_exists(0) & (x > BELT_START_M + 0.04) & (x < BELT_END_M - 0.04)
         return [self._shown(int(item), *self._lies(int(item), time_s)) for item in np.flatnonzero(there) if item != but]
@@ -225,8 +225,8 @@ class SorterView:
     def _items_behind(self, seen: Produce, taken_s: float) -> NDArray[np.int64]:
         """Index of the true item nearest to each report, for scoring alone."""
         core = self._core
-        truth = core.item_truth(0)
-        place = np.stack([self._config.belt.speed_m_s * (taken_s - truth[0]), truth[1]], axis=-1)
+        arrival, y, _ = core.item_place[0].T
+        place = np.stack([self._config.belt.speed_m_s * (taken_s - arrival), y], axis=-1)
         place[~core.item_exists(0)] = np.inf
         distance = np.linalg.norm(seen.position[:, None, :2] - place[None], axis=-1)
         nearest = distance.argmin(axis=1)
