@@ -173,6 +173,7 @@ class _Beams(NamedTuple):
         gained: (B, W), value so far.
         used: (B, W, K), candidates that the sequence has treated.
         first: (B, W), the action that it begins with, -1 for none.
+        last: (B, W), candidate that it ends at, K where it only waited.
     """
 
     place: Array
@@ -180,6 +181,18 @@ class _Beams(NamedTuple):
     gained: Array
     used: Flags
     first: NDArray[np.int64]
+    last: NDArray[np.int64]
+
+
+class _Rest(NamedTuple):
+    """For the estimate of what comes after a sequence, (B, K) each and ``move_s`` (B, K + 1, K)."""
+
+    value: Array
+    service_s: Array
+    opens_s: Array
+    leaves_s: Array
+    move_s: Array
+    """From candidate to candidate; the last row begins at the machine's present place."""
 
 
 class RecedingHorizon(_WeedingPolicy):
@@ -187,7 +200,7 @@ class RecedingHorizon(_WeedingPolicy):
 
     Sequences of up to ``depth`` shots are grown over estimated windows and move times; the ``width`` best of each
     depth are kept. A sequence is worth what its shots are expected to bring, plus what serving the other candidates
-    in the order of leaving, with their labels' doses and a mean move, would still bring after it, less the time.
+    in the order of leaving, with their labels' doses, would still bring after it, less the time.
     Waiting a moment is a sequence too. Only the first shot is fired.
     """
 
@@ -200,7 +213,10 @@ class RecedingHorizon(_WeedingPolicy):
             raise ValueError(f"depth = {depth} and width = {width}: give at least 1")
         self._machine = LaserMachine(config.reach, config.cart.early_s)
         self._depth, self._width = depth, width
-        self._price = -config.weights.seconds
+        # A second is charged at a quarter of what work without pause earns [assumed]: weeds that no camera has seen yet
+        # will want it. The same uncertainty makes the estimate keep one service in reserve before a weed leaves.
+        self._price = 0.25 * config.weights.killed / config.service_s
+        self._reserve_s = config.service_s
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
@@ -212,10 +228,10 @@ class RecedingHorizon(_WeedingPolicy):
         across = table[..., _COLUMN["across"]] * ACROSS_SCALE_M
         machine = observation["machine"].astype(np.float64)
         speed = np.maximum(machine[:, _MACHINE["speed"]] * SPEED_SCALE, 1e-3)
-        rest = self._rest(view, present, along, speed)
         start = machine[:, None, :3] * self._machine.scale
+        rest = self._rest(view, present, along, across, speed, start)
         zeros = np.zeros((b, 1))
-        beams = _Beams(start, zeros, zeros, ~present[:, None], np.full((b, 1), -1))
+        beams = _Beams(start, zeros, zeros, ~present[:, None], np.full((b, 1), -1), np.full((b, 1), k))
         moment = np.full((b, 1), self.config.cart.moment_s)
         best = self._worth(beams._replace(clock=moment), rest)[:, 0]
         action = np.full(b, self._wait)
@@ -263,28 +279,47 @@ class RecedingHorizon(_WeedingPolicy):
         action = np.arange(k * _M).reshape(k, _M)
         begun = np.where(beams.first[..., None, None] >= 0, beams.first[..., None, None], action)
         n = w * k * _M
+        last = np.broadcast_to(np.arange(k)[:, None], (b, w, k, _M))
         return _Beams(
-            found.beam.reshape(b, n, 3), clock.reshape(b, n), gained.reshape(b, n), used.reshape(b, n, k), begun.reshape(b, n)
+            found.beam.reshape(b, n, 3),
+            clock.reshape(b, n),
+            gained.reshape(b, n),
+            used.reshape(b, n, k),
+            begun.reshape(b, n),
+            last.reshape(b, n),
         )
 
-    def _rest(self, view: View, present: Flags, along: Array, speed: Array) -> tuple[Array, Array, Array, Array]:
-        """For the estimate of what comes after: value, service, opening and leaving time (B, K) of each candidate."""
+    def _rest(self, view: View, present: Flags, along: Array, across: Array, speed: Array, start: Array) -> _Rest:
+        reach = self.config.reach
         front = self._machine.front_m
         rows, columns = np.ogrid[: len(along), : along.shape[1]]
         value = np.where(present, np.maximum(view.value[rows, columns, view.label], 0.0), 0.0)
-        service = self.config.nominal_move_s + view.work_s[view.label]
+        service = view.work_s[view.label]
+        # The lean takes a fixed share of the way along; while one weed is served the next comes nearer.
+        share = reach.lean_m / reach.front_m
+        lean = share * along
+        places = np.stack([along - lean, lean, across], axis=-1)
+        stroke = places[:, None] - np.concatenate([places, start], axis=1)[:, :, None]
+        passed = share * speed[:, None] * np.concatenate([service, np.zeros((len(along), 1))], axis=1)
+        stroke[..., 0] += passed[..., None]
+        stroke[..., 1] -= passed[..., None]
         opens = (along - front) / speed[:, None]
-        return value, service, opens, (along + front) / speed[:, None]
+        leaves = (along + front) / speed[:, None] - self._reserve_s
+        return _Rest(value, service, opens, leaves, self._machine.move_time(stroke))
 
-    def _worth(self, beams: _Beams, rest: tuple[Array, Array, Array, Array]) -> Array:
+    def _worth(self, beams: _Beams, rest: _Rest) -> Array:
         """Value (B, W) of sequences with the rest served in the order of leaving where it still can be."""
-        value, service, opens, leaves = rest
-        clock, worth = beams.clock, beams.gained
-        for j in range(value.shape[1]):
-            done = np.maximum(clock, opens[:, j, None]) + service[:, j, None]
-            served = ~beams.used[..., j] & (done <= leaves[:, j, None]) & (value[:, j, None] > 0.0)
+        clock, worth, last = beams.clock, beams.gained, beams.last
+        k = rest.value.shape[1]
+        flat = rest.move_s.transpose(2, 0, 1).reshape(k, -1)
+        row = (k + 1) * np.arange(len(clock))[:, None]
+        for j in range(k):
+            ready = np.maximum(clock + flat[j].take(row + last), rest.opens_s[:, j, None])
+            done = ready + rest.service_s[:, j, None]
+            served = ~beams.used[..., j] & (done <= rest.leaves_s[:, j, None]) & (rest.value[:, j, None] > 0.0)
             clock = np.where(served, done, clock)
-            worth = np.where(served, worth + value[:, j, None], worth)
+            worth = worth + served * rest.value[:, j, None]
+            last = np.where(served, j, last)
         return worth - self._price * clock
 
 

@@ -10,13 +10,14 @@ from pathlib import Path
 from fieldgym.simulation.picker_model import picker_assets
 from fieldgym.simulation.sorter_model import sorter_assets
 from fieldgym.simulation.transplanter_model import transplanter_assets
+from fieldgym.simulation.weeder_model import weeder_assets
 
 ASSETS = Path(__file__).resolve().parent.parent / "assets"
 
 
 def generated_assets() -> dict[str, str]:
     """Text of every generated file, by its path below ``assets/``."""
-    return {**picker_assets(), **sorter_assets(), **transplanter_assets()}
+    return {**picker_assets(), **sorter_assets(), **transplanter_assets(), **weeder_assets()}
 
 
 def stale_assets(folder: Path = ASSETS) -> list[str]:

@@ -13,7 +13,7 @@ from ..single import TaskEnv
 from ..vector import TaskVectorEnv
 from .aim import LaserMachine
 from .config import SCENARIOS, PerceptionModel, WeedingConfig
-from .executor import AnalyticWeeder
+from .executor import AnalyticWeeder, PyBulletWeeder
 from .process import LaserProcess
 from .task import WeederOutcome, WeederPlan, WeedingCore
 
@@ -83,12 +83,7 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
         choice("backend", backend, BACKENDS)
         perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
         core = laser_core(config, perception_model(perception))
-        if backend == "analytic":
-            executor = AnalyticWeeder()
-        else:
-            from .executor import PyBulletWeeder
-
-            executor = PyBulletWeeder(core)
+        executor = AnalyticWeeder() if backend == "analytic" else PyBulletWeeder(core)
         super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
 
     def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:

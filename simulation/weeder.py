@@ -1,0 +1,216 @@
+"""The laser weeder in PyBullet: a cart that drives on and a closed 3UPS-RPU platform that follows weeds under it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..mechanisms.batching import as_points
+from .assets import asset_path
+from .client import PhysicsClient, pybullet
+from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
+from .weeder_model import WEEDER_ASSET, WeederParameters, weeder_robot
+
+Array = NDArray[np.float64]
+
+MOTORS = ("cart", "leg1", "leg2", "leg3", "leg4")
+JOINTS = ("cart", *(f"{kind}{leg}" for leg in (1, 2, 3) for kind in ("swing", "tilt", "leg")), "swing4", "leg4")
+JOINTS = (*JOINTS, "nod", "roll")
+_DRIVEN = [JOINTS.index(name) for name in MOTORS]
+
+START_TOLERANCE_M = 0.003
+"""How far a commanded trajectory may start from where the platform stands."""
+
+
+@dataclass
+class WeederReport:
+    """What a motion did.
+
+    Attributes:
+        duration_s: simulated time.
+        closure_error_m: largest gap in a closed loop, of the steps that were looked at.
+        peak_effort: largest force (5,) of the motors, N, of the steps that were looked at.
+        saturated: which motors were at their limits, (5,) bool.
+        beam: (n, 2) world places where the beam met the plane that was asked for, NaN where nobody looked.
+    """
+
+    duration_s: float
+    closure_error_m: float
+    peak_effort: Array
+    saturated: NDArray[np.bool_]
+    beam: Array = field(repr=False)
+
+
+class WeederMachine:
+    """The weeder: cart, three UPS legs and the RPU leg with the platform, closed by three point-to-point constraints.
+
+    Poses are the mechanism's (x, z, alpha, beta), see ``ThreeUPSRPU``; it hangs under the cart with its X along the
+    direction of travel and its Z down. The world has x along the row, y across, z up, ground at z = 0.
+
+    Attributes:
+        parameters: the numbers that it was built from.
+        client: the world that it lives in.
+    """
+
+    def __init__(
+        self,
+        parameters: WeederParameters | None = None,
+        client: PhysicsClient | None = None,
+        *,
+        visuals: bool | None = None,
+    ) -> None:
+        """Build the machine with its cart at x = 0 and the platform at home.
+
+        Args:
+            parameters: defaults to ``WeederParameters()``.
+            client: a world to build in; the machine makes its own, and closes it, where this is left out.
+            visuals: load what can be seen; by default only into a world that was lent, or has a window.
+        """
+        self.parameters = parameters or WeederParameters()
+        self._owns_client = client is None
+        self.client = client or PhysicsClient(self.parameters.physics_hz)
+        self._open = True
+        mechanism = self.parameters.mechanism
+        tips = [tuple(float(v) for v in joint) for joint in mechanism.attachments.platform]
+        closures = [Closure(f"rod{leg}", (0.0, 0.0, 0.0), "platform", tips[leg - 1]) for leg in (1, 2, 3)]  # type: ignore[arg-type]
+        force = self.parameters.leg_force_limit_n
+        motors = [Motor("cart", self.parameters.cart_force_limit_n), *(Motor(name, force) for name in MOTORS[1:])]
+        shown = (not self._owns_client or self.client.gui) if visuals is None else visuals
+        with _urdf_file(self.parameters) as path:
+            self._machine = ClosedLoopMachine(self.client, [Body("weeder", path)], closures, motors, visuals=shown)
+        self._order = [JOINTS.index(name) for name in self._machine.joints]
+        self.reset(0.0, mechanism.home_pose)
+
+    @property
+    def body_id(self) -> int:
+        """PyBullet's number of the machine's body."""
+        return self._machine.body_ids["weeder"]
+
+    def place(self, cart_x_m: float, pose: ArrayLike) -> None:
+        """Put all joints where the kinematics says, at rest, without stepping: for rendering."""
+        self._machine.reset(self._joints(np.array([cart_x_m]), as_points(pose, 4, "pose").reshape(1, 4))[0][self._order])
+
+    def reset(self, cart_x_m: float, pose: ArrayLike, speed_m_s: float = 0.0) -> None:
+        """``place`` the machine with the cart driving at ``speed_m_s`` and all legs at rest against it."""
+        joints = self._joints(np.array([cart_x_m]), as_points(pose, 4, "pose").reshape(1, 4))[0]
+        self._machine.reset(joints[self._order])
+        if speed_m_s:
+            pybullet.resetJointState(self.body_id, 0, cart_x_m, speed_m_s, self.client.id)
+        self._machine.hold(joints[_DRIVEN])
+
+    def run(
+        self,
+        cart: ArrayLike,
+        pose: ArrayLike,
+        target_height_m: float = 0.0,
+        look: NDArray[np.bool_] | None = None,
+        on_step: Callable[[int], None] | None = None,
+    ) -> WeederReport:
+        """Drive the machine along a trajectory that is sampled at ``physics_hz`` and starts where it stands.
+
+        Args:
+            cart: (n,) cart positions, metres; n - 1 steps are simulated.
+            pose: (n, 4) poses of the mechanism.
+            target_height_m: height of the plane on which the beam is looked for.
+            look: (n,) rows after whose step beam, closure and efforts are looked at; by default the last one alone.
+            on_step: called after every step with the number of the row that was reached.
+
+        Raises:
+            ValueError: shapes do not fit, or the first row is elsewhere.
+        """
+        carts, poses = np.asarray(cart, dtype=np.float64), as_points(pose, 4, "pose")
+        if carts.ndim != 1 or poses.shape != (len(carts), 4) or len(carts) == 0:
+            raise ValueError(f"cart has shape {carts.shape} and pose {poses.shape}: expected (n,) and (n, 4), n >= 1")
+        lengths = self.parameters.mechanism.inverse(poses)
+        targets = np.concatenate([carts[:, None], lengths], axis=1)
+        wanted = np.array([carts[0] + poses[0, 0], 0.0, self.parameters.base_height_m - poses[0, 1]])
+        jump = float(np.linalg.norm(self.platform_world() - wanted))
+        if jump > START_TOLERANCE_M:
+            raise ValueError(
+                f"the trajectory starts {1e3 * jump:.1f} mm from where the platform stands; at most "
+                f"{1e3 * START_TOLERANCE_M:.0f} mm is allowed: start at the last commanded pose or call reset()"
+            )
+        last = len(carts) - 1
+        rows = np.zeros(len(carts), bool) if look is None else np.asarray(look, bool).copy()
+        rows[last] = True
+        beam = np.full((len(carts), 2), np.nan)
+        peak, closure = np.zeros(len(MOTORS)), 0.0
+
+        def watch(row: int) -> None:
+            nonlocal closure
+            if rows[row]:
+                beam[row] = self.beam_world(target_height_m)
+                closure = max(closure, self._machine.closure_error_m())
+                np.maximum(peak, np.abs(self._machine.motor_efforts()), out=peak)
+            if on_step is not None:
+                on_step(row)
+
+        self._machine.follow(targets, watch)
+        return WeederReport(last * self.client.step_s, closure, peak, self._machine.saturated(peak), beam)
+
+    def platform_world(self) -> Array:
+        """The platform's centre in the world, (3,), metres."""
+        return self._machine.point("platform")
+
+    def beam_world(self, height_m: float = 0.0) -> Array:
+        """World place (2,) where the beam meets the horizontal plane at ``height_m``."""
+        centre, ahead = self._machine.point("platform"), self._machine.point("platform", (0.0, 0.0, 1.0))
+        ray = ahead - centre
+        return (centre + (height_m - centre[2]) / ray[2] * ray)[:2]
+
+    def close(self) -> None:
+        """Leave the world: close it if it is the machine's own, else remove the bodies. Again does nothing."""
+        if self._open and not self.client.closed:
+            if self._owns_client:
+                self.client.close()
+            else:
+                self._machine.remove()
+        self._open = False
+
+    def __enter__(self) -> WeederMachine:
+        """Return the machine itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+        self.close()
+
+    def _joints(self, carts: Array, poses: Array) -> Array:
+        """All joint positions (n, 14) in the order of ``JOINTS``."""
+        if not np.all(np.isfinite(poses)) or not np.all(np.isfinite(carts)):
+            raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
+        mechanism = self.parameters.mechanism
+        chains = mechanism.chains(poses)
+        columns = [carts]
+        for leg in range(3):
+            n = chains.direction[:, leg]
+            columns += [np.arctan2(-n[:, 1], n[:, 2]), np.arcsin(n[:, 0]), chains.length[:, leg]]
+        angles = mechanism.rpu_angles(poses)
+        columns += [angles[:, 0], chains.length[:, 3], angles[:, 1], angles[:, 2]]
+        return np.stack(columns, axis=-1)
+
+
+@contextmanager
+def _urdf_file(parameters: WeederParameters) -> Iterator[Path]:
+    """The shipped URDF where the parameters are the shipped ones, else one written for the moment."""
+    if parameters == WeederParameters():
+        with asset_path(WEEDER_ASSET) as path:
+            yield path
+        return
+    handle, name = tempfile.mkstemp(suffix=".urdf", prefix="fieldgym-weeder-")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(weeder_robot(parameters).to_xml())
+        yield Path(name)
+    finally:
+        os.unlink(name)
