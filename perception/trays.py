@@ -46,9 +46,9 @@ class TrayRule:
     leaf_value: float = 60.0
     yellow_hue: float = 37.0
     middle_radius: float = 0.16
-    empty_middle: float = 0.30
-    poor_area: float = 0.16
-    yellow_share: float = 0.45
+    empty_middle: float = 0.08
+    poor_area: float = 0.19
+    yellow_share: float = 0.30
 
 
 def look_at_cells(

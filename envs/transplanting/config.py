@@ -204,7 +204,7 @@ class PerceptionModel:
     @lru_cache(maxsize=1)
     def measured(cls) -> PerceptionModel:
         """The fit to rendered images that ships with the package [identified]."""
-        text = files(__package__.rsplit(".", 2)[0]).joinpath("assets/perception/transplanting.json").read_text("utf-8")
+        text = files(__name__.rsplit(".", 3)[0]).joinpath("assets/perception/transplanting.json").read_text("utf-8")
         data = json.loads(text)
         return cls(*(tuple(tuple(row) for row in data[name]["confusion"]) for name in ("source", "target")))
 

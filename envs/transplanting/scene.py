@@ -36,6 +36,7 @@ _HOOD_VIEW_M = 0.15
 HEALTHY_SIZES = (0.60, 0.75, 0.90, 1.05, 1.20)
 POOR_SIZES = (0.35, 0.50, 0.65)
 """Spread of a seedling's leaves over 0.8 of its cell's pitch [assumed]; poor ones are stunted, most of them yellow."""
+_SPREAD_SHARE = 1.25
 _OFF_CENTRE = 0.12
 """Seedlings stand up to this share of the pitch off their cell's middle, both ways [assumed]."""
 _YELLOW_SHARE = 0.6
@@ -93,13 +94,14 @@ class TrayScene:
         self._machine = TransplanterMachine(self.parameters, self._client, looks=True)
         self._centre_m = {"source": -machine.tray_centre_m, "target": machine.tray_centre_m}
         trays = {"source": scenario.source, "target": scenario.target}
-        span = _INFEED_M + _HOOD_VIEW_M + _OUTFEED_M
-        seen = {name: (int(span / kind.pitch_m) + 2) * kind.columns for name, kind in trays.items()}
         self._nursery_pitch_m = scenario.source.pitch_m
-        self._plants = _make_plants(self._client, scenario.source.pitch_m, sum(seen.values()) + 2)
-        self._plugs = Pool(self._client, _plug_mesh(scenario.source.pitch_m), SOIL, sum(seen.values()) + 2)
+        self._plants = {
+            size: _Stock(self._client, _seedling(_SPREAD_SHARE * size * self._nursery_pitch_m), GREENS[0])
+            for size in {*HEALTHY_SIZES, *POOR_SIZES}
+        }
+        self._plugs = _Stock(self._client, _plug_mesh(self._nursery_pitch_m), SOIL)
         self._trays = {
-            name: [Pool(self._client, mesh, colour, 4) for mesh, colour in _tray_meshes(kind)]
+            name: [_Stock(self._client, mesh, colour) for mesh, colour in _tray_meshes(kind)]
             for name, kind in trays.items()
         }
         _furnish(self._client, machine.tray_centre_m, scenario.source.width_m)
@@ -163,13 +165,9 @@ class TrayScene:
                 self._plant(top, *self._held)
             self._stale = False
         camera = Camera(width, height, np.deg2rad(40.0), 0.1, 12.0)
-        return camera.look(
-            self._client,
-            np.array([1.45, 0.80, 1.95]),
-            np.array([-0.02, 0.0, 1.18]),
-            np.array([0.0, 0.0, 1.0]),
-            shadows=True,
-        ).rgb
+        # Shadows would cost three times as much as all the rest.
+        eye, middle = np.array([1.45, 0.80, 1.95]), np.array([-0.02, 0.0, 1.18])
+        return camera.look(self._client, eye, middle, np.array([0.0, 0.0, 1.0])).rgb
 
     def close(self) -> None:
         """Close the client; idempotent."""
@@ -219,6 +217,37 @@ class TrayScene:
         self._plants[sizes[int(size * len(sizes))]].place(foot_m, _leaning(2.0 * np.pi * turn, tilt, way), colour)
 
 
+class _Stock:
+    """Copies of one mesh that grow in number with what is shown: parked bodies cost as much to draw as shown ones."""
+
+    _CHUNK = 12
+
+    def __init__(self, client: PhysicsClient, mesh: Mesh, colour: tuple[float, ...]):
+        self._client, self._mesh, self._colour = client, mesh, colour
+        self._pools: list[Pool] = []
+        self._filling = 0
+
+    def clear(self) -> None:
+        """Park all copies."""
+        for pool in self._pools:
+            pool.clear()
+        self._filling = 0
+
+    def place(
+        self,
+        position: Array | tuple[float, float, float],
+        orientation: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0),
+        colour: tuple[float, ...] | None = None,
+    ) -> None:
+        """Show one more copy."""
+        while self._filling < len(self._pools):
+            if self._pools[self._filling].place(position, orientation, colour) is not None:
+                return
+            self._filling += 1
+        self._pools.append(Pool(self._client, self._mesh, self._colour, self._CHUNK))
+        self._pools[-1].place(position, orientation, colour)
+
+
 def _parts_of(look: float) -> tuple[float, ...]:
     """Eight numbers in [0, 1) from one: the decimals that follow the first four, stretched by different factors."""
     return tuple(np.mod(look * 1e4 * _STRETCHES, 1.0).tolist())
@@ -258,17 +287,11 @@ def _leaf(length_m: float, width_m: float, rise_m: float, tip_m: float) -> Mesh:
     return flat_shaded(np.array([foot, middle, tip, left, right]), facets, two_sided=True)
 
 
-def _make_plants(client: PhysicsClient, pitch_m: float, cells: int) -> dict[float, Pool]:
-    healthy = -(-2 * cells // len(HEALTHY_SIZES))
-    copies = {size: healthy for size in HEALTHY_SIZES} | {size: cells // 4 + 4 for size in POOR_SIZES}
-    return {size: Pool(client, _seedling(1.25 * size * pitch_m), GREENS[0], number) for size, number in copies.items()}
-
-
 def _plug_mesh(pitch_m: float) -> Mesh:
     """A tapered plug with its upper face at the origin."""
     half = 0.5 * pitch_m - 0.002
     return surface_of_revolution(
-        np.array([0.62 * half, 1.05 * half, 0.01 * half]), np.array([-_PLUG_M, -0.001, 0.0]), 8
+        np.array([0.62 * half, 1.05 * half, 0.01 * half]), np.array([-_PLUG_M, -0.001, 0.0]), 7
     )
 
 

@@ -28,7 +28,12 @@ class TransplantView:
         self._scene = TrayScene(core.config, window=window)
         self._trajectories = Trajectories(core.config, core.motions)
         self._episode = -1
+        self._clock: _Clock | None = None
+        # The state that is shown; it lags behind the rules while a decision is played.
         self._lines: dict[Side, TrayLine] = {}
+        self._offsets: dict[Side, Array] = {}
+        self._row: dict[Side, int] = {}
+        self._travel: dict[Side, float] = {}
 
     def sense(self) -> None:
         """Where a look is due, render the rows that came in, classify their cells and hand the rules the reports."""
@@ -62,9 +67,11 @@ class TransplantView:
         return self._scene.render()
 
     def frames(self, plan: TransplantPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
-        """Pictures of the decision that was just carried out, on a clock that runs on from move to move."""
+        """Pictures of the decision that was just carried out, on a clock that runs on from one to the next."""
         self._load_if_new()
-        clock = _Clock(frames_per_second)
+        if self._clock is None or self._clock.frames_per_second != frames_per_second:
+            self._clock = _Clock(frames_per_second)
+        clock = self._clock
         kind = int(plan.kind[0])
         held: tuple[int, float] | None = None
         for move in moves(self._core, plan):
@@ -93,7 +100,8 @@ class TransplantView:
         core, process = self._core, self._core.config.process
         n = core.source_shape[1]
         tool = self._trajectories.points[move.end]
-        side, column = ("source", move.end) if move.end < n else ("target", move.end - n)
+        side: Side = "source" if move.end < n else "target"
+        column = move.end if move.end < n else move.end - n
         line = self._lines[side]
         row = self._row[side]
         closing = move.then in ("grip", "miss")
@@ -117,33 +125,25 @@ class TransplantView:
     def _index(self, kind: int, duration_s: float, clock: _Clock, tool: Array) -> Iterator[NDArray[np.uint8]]:
         """Move a conveyor on by a row."""
         side: Side = "source" if kind == INDEX_SOURCE else "target"
-        offsets = self._offsets[side]
-        row = self._row[side]
-        begin = offsets[row]
-        stroke = (offsets[row + 1] if row + 1 < len(offsets) else begin + self._lines[side].tray.pitch_m) - begin
+        begin, row = self._travel[side], self._row[side]
+        stroke = self._travel_to(side, row + 1) - begin
         moving = duration_s - self._core.config.machine.conveyor_settle_s
         for time_s in clock.ticks(duration_s):
-            travel = begin + float(QUINTIC.sample(time_s, stroke, moving).position)
-            self._set_lines({**self._travel, side: travel})
+            self._travel[side] = begin + float(QUINTIC.sample(time_s, stroke, moving).position)
+            self._changed()
             yield self._draw(tool, 1.0, None)
 
     def _follow(self) -> None:
         """Bring the scene to the rules' state."""
         core = self._core
         self._load_if_new()
-        for side, cells in (("source", core.source_cells), ("target", core.target_cells)):
-            line = self._lines[side]
-            now = cells[0, :-1]
+        for side, cells in zip(SIDES, (core.source_cells, core.target_cells), strict=True):
+            line, now = self._lines[side], cells[0, :-1]
             line.hollow |= (now == EMPTY) & (line.cells != EMPTY)
             line.cells[...] = now
         self._row = {"source": int(core.source_row[0]), "target": int(core.target_row[0])}
-        last = len(self._offsets["target"]) - 1
-        self._travel = {
-            side: float(self._offsets[side][min(self._row[side], len(self._offsets[side]) - 1)]) for side in SIDES
-        }
-        if self._row["target"] > last:
-            self._travel["target"] += self._lines["target"].tray.pitch_m
-        self._set_lines(self._travel)
+        self._travel = {side: self._travel_to(side, self._row[side]) for side in SIDES}
+        self._changed()
         self._scene.set_tool(self._trajectories.points[core.place[0]])
 
     def _load_if_new(self) -> None:
@@ -154,23 +154,29 @@ class TransplantView:
         scenario, gap = core.config.scenario, core.config.machine.tray_gap_m
         source, target = core.source_cells[0, :-1].copy(), core.target_cells[0, :-1].copy()
         self._lines = {
-            "source": TrayLine(scenario.source, source, core.source_looks[0], np.zeros(source.shape, bool), gap),
-            "target": TrayLine(scenario.target, target, core.target_looks[0], np.ones(target.shape, bool), gap),
+            "source": TrayLine(scenario.source, source, core.source_looks[0].copy(), np.zeros(source.shape, bool), gap),
+            "target": TrayLine(scenario.target, target, core.target_looks[0].copy(), np.ones(target.shape, bool), gap),
         }
         self._offsets = {side: line.offsets_m() for side, line in self._lines.items()}
         self._follow()
 
-    def _changed(self) -> None:
-        self._set_lines(self._travel)
+    def _travel_to(self, side: Side, row: int) -> float:
+        """How far a conveyor has to go until a row is presented; one row goes on behind the last."""
+        offsets = self._offsets[side]
+        behind = max(row - len(offsets) + 1, 0) * self._lines[side].tray.pitch_m
+        return float(offsets[min(row, len(offsets) - 1)]) + behind
 
-    def _set_lines(self, travel: dict[Side, float]) -> None:
-        self._scene.set_lines(self._lines["source"], self._lines["target"], travel["source"], travel["target"])
+    def _changed(self) -> None:
+        self._scene.set_lines(
+            self._lines["source"], self._lines["target"], self._travel["source"], self._travel["target"]
+        )
 
 
 class _Clock:
     """Spreads pictures evenly over pieces of time that follow each other."""
 
     def __init__(self, frames_per_second: float):
+        self.frames_per_second = frames_per_second
         self._period_s = 1.0 / frames_per_second
         self._next_s = 0.0
 
