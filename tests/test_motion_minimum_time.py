@@ -1,5 +1,7 @@
 """Minimum-time motion along paths: limits, optimality, and TOPP-RA as the oracle."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -56,7 +58,7 @@ def test_fields_are_derivatives_of_each_other():
     np.testing.assert_allclose(slope, state.velocity, atol=1e-3)
 
 
-def toppra_duration(path, v, a, gridpoints=1000):
+def toppra_duration(path, v, a, gridpoints=400):
     """TOPP-RA with the disc of accelerations as a polygon of 128 sides (from outside: at most 0.03 % too wide)."""
     toppra = pytest.importorskip("toppra")
     from toppra import algorithm, constraint
@@ -88,7 +90,8 @@ def toppra_duration(path, v, a, gridpoints=1000):
     )
     grid = np.unique(np.concatenate([np.linspace(0.0, path.length_m, gridpoints), path.offsets]))
     solver = algorithm.TOPPRA([speed, force], Curve(), gridpoints=grid, parametrizer="ParametrizeConstAccel")
-    return solver.compute_trajectory(0.0, 0.0).duration
+    trajectory: Any = solver.compute_trajectory(0.0, 0.0)
+    return trajectory.duration
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from fieldgym.motion import (
     Bezier,
     CurvedPath,
     Gate,
+    GateStyle,
     Line,
     OverlappedGate,
     StoppedPath,
@@ -174,7 +175,7 @@ def test_rates_over_the_full_gate(style, straight, per_minute):
 
 
 def test_better_ways_over_the_gate_are_faster():
-    order = ["stop-septic", "stop-quintic", "stop-fastest", "blended", "time-optimal"]
+    order: list[GateStyle] = ["stop-septic", "stop-quintic", "stop-fastest", "blended", "time-optimal"]
     for strokes in ((0.15, 0.6, 0.15), (0.05, 0.3, 0.05), (0.06, 0.1, 0.04)):
         times = [float(Gate(style, V, A, straight_m=0.01).durations(*strokes)) for style in order]
         assert times == sorted(times, reverse=True)
@@ -192,6 +193,7 @@ def test_batched_durations_are_those_of_the_motions(style):
     assert gate.durations(0.0, 0.0, 0.0) == 0.0
 
 
+@pytest.mark.slow
 def test_the_free_gate_is_close_to_the_fastest_of_all_curves():
     """A direct transcription of half the gate, with forces in a disc, bounds what any curve could do."""
     steps, straight = 16, 0.03

@@ -5,7 +5,6 @@ import math
 from dataclasses import replace
 from importlib.util import find_spec
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -37,7 +36,7 @@ def test_numbers_that_are_none_are_refused(bad):
 
 def test_statements_take_their_verdict_from_the_test():
     assert statement("a", "claim", True, "why").verdict is Verdict.REPRODUCED
-    assert statement("a", "claim", np.bool_(False), "why").verdict is Verdict.REFUTED
+    assert statement("a", "claim", False, "why").verdict is Verdict.REFUTED
     assert statement("a", "claim", False, "why", corrected=True).verdict is Verdict.REPRODUCED_WITH_CORRECTION
     assert statement("a", "claim", False, "why", corrected=False).verdict is Verdict.REFUTED
     assert statement("a", "claim", True, "why", corrected=True).verdict is Verdict.REPRODUCED

@@ -8,6 +8,8 @@ from fieldgym.mechanisms import LinkMasses, TranslationalFiveBar
 BAR = TranslationalFiveBar.transplanter()
 E, L1, L2 = BAR.motor_offset_m, BAR.arm_m, BAR.forearm_m
 GRAVITY = 9.81
+assert BAR.masses is not None
+MASSES = BAR.masses
 
 
 def window_poses(count, seed=0):
@@ -96,7 +98,7 @@ def test_the_window_is_600_by_150_mm_reachable_and_well_conditioned():
 
 def bodies(tool, payload):
     """Masses with their positions, inertias with their angles, from triangles alone."""
-    m = BAR.masses
+    m = MASSES
     points, turns = [(m.platform_kg + payload, tool)], []
     for sign in (1.0, -1.0):
         motor = np.array([sign * E, 0.0])
@@ -183,7 +185,7 @@ def test_torques_broadcast_and_scale_with_all_masses():
     poses, still = BAR.window_grid(5, 3), np.zeros(2)
     pull = BAR.inverse_dynamics(poses, still, np.array([10.0, 0.0]))
     assert pull.shape == (3, 5, 2)
-    once = vars(BAR.masses)
+    once = vars(MASSES)
     masses = LinkMasses(**{name: value if name.endswith("centre") else 2.0 * value for name, value in once.items()})
     double = TranslationalFiveBar(E, L1, L2, BAR.window_m, masses)
     np.testing.assert_allclose(double.inverse_dynamics(poses, still, np.array([10.0, 0.0])), 2.0 * pull, rtol=1e-12)

@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -71,7 +72,7 @@ def gates(canvas: Figure) -> None:
 
 def main(folder: Path = FOLDER) -> None:
     """Draw both."""
-    style = {"svg.hashsalt": "fieldgym", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3}
+    style: dict[Any, Any] = {"svg.hashsalt": "fieldgym", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3}
     for draw, name, size in ((laws, "motion-laws", (8.0, 6.2)), (gates, "motion-gates", (7.2, 6.0))):
         with rc_context(style):
             canvas = Figure(figsize=size, layout="constrained")
