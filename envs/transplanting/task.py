@@ -41,6 +41,8 @@ class TransplantPlan(NamedTuple):
     Attributes:
         kind: (B,), speed index, ``INDEX_SOURCE``, ``INDEX_TARGET``, ``NOTHING`` or ``FINISH``.
         pair: (B,), source column times the target row's columns plus target column; 0 when none.
+        source: (B,), the source cell's number in the flat state of all worlds.
+        target: (B,), the target cell's, likewise.
         clears: (B,), whether the target cell's seedling goes to the chute first.
         grips: (B,), whether the gripper's sensor will find a plug between the needles; without one the tool stays at
             the source cell.
@@ -52,6 +54,8 @@ class TransplantPlan(NamedTuple):
 
     kind: NDArray[np.int64]
     pair: NDArray[np.int64]
+    source: NDArray[np.int64]
+    target: NDArray[np.int64]
     clears: NDArray[np.bool_]
     grips: NDArray[np.bool_]
     start: NDArray[np.int64]
@@ -127,6 +131,7 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         self._damage = np.append(damage_chances(config.machine, process), np.zeros(4))
         weights = config.weights
         self._weights = np.array([weights.planted, weights.spoiled, weights.seconds])
+        self._reach_m = process.reach_m
         self._numbers = random_numbers(scenario)
 
         b = self.worlds
@@ -219,7 +224,7 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         phases[:, 2] = self._handle_s.take(2 * clears + grips) * moving
         travel = table.approach_m.take(way) * moving + table.carry_m.take(carry) * grips
         end = np.where(grips, self._n + self._pair_target.take(pair), self._pair_source.take(pair))
-        if not moving.all():
+        if np.count_nonzero(moving) < self.worlds:
             end[~moving] = start[~moving]
             phases[:, 4] = self.config.process.illegal_s * (kind == NOTHING)
             rows = np.flatnonzero((kind > NOTHING) | ((kind >= INDEX_SOURCE) & (kind < NOTHING)))
@@ -228,32 +233,35 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
             times = np.where(tray, self._target_s[self.target_row[rows]], self._source_s[self.source_row[rows]])
             phases[rows, 3] = times
             end[rows] = np.where(here < table.cells, here + table.cells, here)
-        return TransplantPlan(kind, pair, clears, grips, start, end, phases, travel)
+        return TransplantPlan(kind, pair, source, target, clears, grips, start, end, phases, travel)
 
     def apply(self, plan: TransplantPlan, outcome: TransplantOutcome) -> StepResult:
         """Move plugs, index rows, book the time."""
         kind, clears, grips = plan.kind, plan.clears, plan.grips
         moving = kind < INDEX_SOURCE
-        source, target = self._cells_of(plan.pair)
+        source, target = plan.source, plan.target
         plug, cell = self.source_cells.take(source), self.target_cells.take(target)
         luck = self.luck.reshape(-1, 3).take(source, axis=0)
-        near = outcome.error_m <= self.config.process.reach_m
-        kept = (luck[:, 1] >= self._lose.take(kind)) & near[:, 0] & near[:, 1]
+        kept = luck[:, 1] >= self._lose.take(kind)
+        if outcome.error_m.max() > self._reach_m:
+            kept &= (outcome.error_m <= self._reach_m).all(axis=1)
         arrives = grips & kept
-        left = np.where(clears, np.int8(EMPTY), cell)
+        left = cell * ~clears  # EMPTY is 0
         # A plug that is pushed into another one spoils both.
         hurt = (luck[:, 2] < self._damage.take(kind)) | (left != EMPTY)
         now = np.where(arrives, np.where(hurt, np.int8(DAMAGED), plug), left)
-        gain = (now == HEALTHY).astype(float) - (cell == HEALTHY)
+        is_healthy = now == HEALTHY
+        gain = np.subtract(is_healthy, cell == HEALTHY, dtype=np.float64)
         was_healthy = moving & (plug == HEALTHY)
-        good = arrives & (now == HEALTHY)
+        good = arrives & is_healthy
 
         # Worlds that only index write back what they read.
         seen = self.source_reports.take(source)
         known = self.target_reports.take(target)
-        known = np.where(arrives, seen, np.where(clears, np.int8(EMPTY), known))
-        self.source_cells.put(source, np.where(moving, np.int8(EMPTY), plug))
-        self.source_reports.put(source, np.where(moving, np.int8(EMPTY), seen))
+        known = np.where(arrives, seen, known * ~clears)
+        still = ~moving
+        self.source_cells.put(source, plug * still)
+        self.source_reports.put(source, seen * still)
         self.target_cells.put(target, now)
         self.target_reports.put(target, known)
         wasted = self._index(kind)
@@ -374,6 +382,8 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
     def _index(self, kind: NDArray[np.int64]) -> Array:
         """Move the conveyors on; returns the healthy seedlings (B,) that leave with a source row."""
         wasted = np.zeros(self.worlds)
+        if not np.count_nonzero(kind >= INDEX_SOURCE):
+            return wasted
         source = kind == INDEX_SOURCE
         if np.count_nonzero(source):
             rows = np.flatnonzero(source)

@@ -1,0 +1,82 @@
+"""Compare the transplanter's policies on paired seeds: cycle time, net rate, rate, and the gains over the fixed order.
+
+    python scripts/transplanting_policies.py [--seeds 100] [--scenarios fill,replug] [--motion stop-quintic]
+
+All seeds of a scenario run as one batch with the analytic backend and the measured cameras. Length and time are counted
+a planted seedling; gains are 1 - policy / fixed order, seed by seed. Every interval is a 95 % bootstrap interval.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+import fieldgym
+from fieldgym.agents import make_policy, policy_names, reference_policy
+from fieldgym.benchmark.statistics import Estimate, mean, paired_difference
+from fieldgym.envs.transplanting.config import MOTIONS, SCENARIOS
+
+ENV_ID = next(env_id for env_id in fieldgym.ENV_IDS if "Transplanting" in env_id)
+POLICY_SEED = 1_000_000
+
+
+def play(scenario: str, policy_name: str, seeds: int, motion: str) -> dict[str, NDArray[np.float64]]:
+    """Scores (seeds,) of a policy, by name, each world at the end of its own episode."""
+    env = gym.make_vec(ENV_ID, num_envs=seeds, scenario=scenario, motion=motion, autoreset_mode="Disabled")
+    policy = make_policy(policy_name, env, seed=POLICY_SEED)
+    observation, info = env.reset(seed=0)
+    over = np.zeros(seeds, bool)
+    final = {name: np.zeros(seeds) for name in info["scorecard"] if not name.startswith("_")}
+    while not over.all():
+        observation, _, terminated, truncated, info = env.step(policy.act(observation))
+        ended = ~over & (terminated | truncated)
+        for name, values in final.items():
+            values[ended] = info["scorecard"][name][ended]
+        over |= ended
+    env.close()
+    return final
+
+
+def words(estimate: Estimate, digits: int, scale: float = 1.0) -> str:
+    """An estimate with its interval."""
+    value, low, high = (scale * x for x in (estimate.value, estimate.low, estimate.high))
+    return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def main() -> None:
+    """Play and print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--seeds", type=int, default=100, help="seeds 0 ... N - 1 (default 100)")
+    parser.add_argument("--scenarios", default=",".join(SCENARIOS), help="names, with commas between")
+    parser.add_argument("--motion", default="stop-quintic", choices=MOTIONS)
+    options = parser.parse_args()
+    console, reference = Console(), reference_policy(ENV_ID)
+    for scenario in options.scenarios.split(","):
+        table = Table(
+            "policy", "cycle time, s", "net rate, %", "seedlings/min", "shorter way, %", "shorter time, %",
+            title=f"{scenario}, {options.motion}, seeds 0-{options.seeds - 1}",
+        )  # fmt: skip
+        base = play(scenario, reference, options.seeds, options.motion)
+        for name in policy_names(ENV_ID):
+            found = base if name == reference else play(scenario, name, options.seeds, options.motion)
+            gains = []
+            for measure in ("travel_m", "duration_s"):
+                each, other = (scores[measure] / np.maximum(scores["done"], 1.0) for scores in (found, base))
+                gains.append(paired_difference(1.0 - each / other, np.zeros(options.seeds)))
+            table.add_row(
+                name,
+                words(mean(found["cycle_time_s"]), 3),
+                words(mean(found["net_rate"]), 2, 100.0),
+                words(mean(found["throughput_per_min"]), 2),
+                *("-" if name == reference else words(gain, 2, 100.0) for gain in gains),
+            )
+        console.print(table)
+
+
+if __name__ == "__main__":
+    main()
