@@ -293,6 +293,10 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         self.track_aim[row, track] = aim
         self._near(row, track)
 
+    def option_legal(self, row: int, option: int) -> bool:
+        """Whether a shot, an action of the first block, is possible now in one world."""
+        return bool(self._legal[row, option])
+
     def _near(self, row: int, track: int) -> None:
         """Which plants a shot at a track may reach; for scoring alone."""
         along = self.track_aim[row, track, :1]

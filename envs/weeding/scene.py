@@ -1,0 +1,240 @@
+"""The weeder's world in a render client: soil, crop rows, weeds, the machine with its beam, and both its cameras."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...simulation.camera import Camera, RgbdFrame
+from ...simulation.client import PhysicsClient, pybullet
+from ...simulation.meshes import Mesh, Pool, box, flat_shaded, merged, rotation_z, surface_of_revolution, turned, upright_to, yaw
+from ...simulation.weeder import WeederMachine
+from ...simulation.weeder_model import WeederParameters
+from ..core import Array
+from .config import WeedingConfig
+from .scenario import FAR_M
+
+SOIL, CLOD, STONE = (0.40, 0.31, 0.23, 1.0), (0.34, 0.26, 0.19, 1.0), (0.52, 0.48, 0.43, 1.0)
+MOSS = (0.36, 0.40, 0.24, 1.0)
+WEED_GREEN, GRASS_GREEN, BEET, MAIZE = (
+    (0.33, 0.55, 0.22, 1.0),
+    (0.40, 0.60, 0.26, 1.0),
+    (0.20, 0.47, 0.20, 1.0),
+    (0.30, 0.55, 0.18, 1.0),
+)
+SCORCHED = (0.16, 0.12, 0.09, 1.0)
+_BEHIND_M, _AHEAD_M, _REPLANT_M = 1.0, 1.3, 0.25
+_SENSOR_NOISE = 4.0
+_SHADE = 0.55
+
+
+def blade(length_m: float, width_m: float, rise_m: float, droop_m: float, pieces: int = 5) -> Mesh:
+    """Leaf along +x from the origin: an ellipse-like outline on an arched vein, seen from above."""
+    along = np.linspace(0.0, 1.0, pieces + 1)
+    half = 0.5 * width_m * np.sin(np.pi * np.clip(along, 0.04, 0.97)) ** 0.7
+    x = length_m * along
+    z = rise_m * along - (rise_m + droop_m) * along**2 + 0.001
+    left = np.stack([x, half, z + 0.15 * half], -1)
+    right = np.stack([x, -half, z + 0.15 * half], -1)
+    i, n = np.arange(pieces), pieces + 1
+    faces = np.concatenate([np.stack([i, n + i, n + i + 1], -1), np.stack([i, n + i + 1, i + 1], -1)])
+    vertices = np.concatenate([left, right])
+    mesh = flat_shaded(vertices, faces)
+    if mesh.normals[:, 2].mean() < 0.0:
+        mesh = flat_shaded(vertices, faces[:, ::-1])
+    return mesh
+
+
+def rosette(leaf: Mesh, count: int, turn_rad: float, start_rad: float = 0.0, height_m: float = 0.004) -> Mesh:
+    """``count`` leaves about a stem, ``turn_rad`` apart."""
+    return merged(*(turned(leaf, rotation_z(start_rad + k * turn_rad), (0.0, 0.0, height_m)) for k in range(count)))
+
+
+def weed_mesh(species: int, stage: int) -> Mesh:
+    """Seedling of a species and stage; sizes are assumed."""
+    half = np.pi
+    if species == 0:
+        cotyledons = rosette(blade(0.009, 0.005, 0.004, 0.000), 2, half)
+        if stage == 0:
+            return cotyledons
+        if stage == 1:
+            return merged(cotyledons, rosette(blade(0.017, 0.009, 0.008, 0.000), 2, half, 0.5 * half, 0.008))
+        big = blade(0.028, 0.014, 0.012, 0.002)
+        return merged(cotyledons, rosette(big, 4, 0.5 * half, 0.4, 0.010))
+    if stage == 0:
+        return rosette(blade(0.024, 0.0024, 0.020, 0.002), 1, half)
+    if stage == 1:
+        return rosette(blade(0.038, 0.0032, 0.028, 0.004), 2, 0.85 * half)
+    return rosette(blade(0.060, 0.0042, 0.040, 0.010), 4, 0.55 * half)
+
+
+def crop_mesh(kind: str) -> Mesh:
+    """Crop plant: a beet's rosette or a young maize."""
+    if kind == "beet":
+        return rosette(blade(0.055, 0.030, 0.030, 0.005, 6), 6, 2.399, 0.0, 0.008)
+    return rosette(blade(0.090, 0.016, 0.080, 0.010, 6), 4, 0.9 * np.pi, 0.0, 0.012)
+
+
+class WeederScene:
+    """Draws one strip and the machine in it. Bodies are made once; another strip only moves them."""
+
+    def __init__(
+        self, config: WeedingConfig, parameters: WeederParameters, *, window: bool = False, machine: bool = True
+    ):
+        """Make the client and the pools; without the ``machine`` the cameras' pictures, where it never is, come faster."""
+        self.config, self.parameters = config, parameters
+        self._client = PhysicsClient(parameters.physics_hz, gui=window)
+        self._machine = WeederMachine(parameters, self._client) if machine else None
+        cart = config.cart
+        eye_m = parameters.camera_height_m
+        self.front = Camera(480, 384, 2.0 * np.arctan(0.5 * cart.camera_view_m / eye_m), 0.10, 2.0)
+        self.tool = Camera(240, 240, 2.0 * np.arctan(0.05 / config.reach.gap_m), 0.30, 2.0)
+        self._pools = self._make_pools()
+        red = {"rgbaColor": [1.0, 0.05, 0.05, 0.55], "physicsClientId": self._client.id}
+        shape = pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=0.003, length=1.0, **red)
+        self._beam = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
+        self._weed, self._crop = np.zeros((0, 2)), np.zeros((0, 2))
+        self._species, self._stage, self._look = (np.zeros(0, np.int64),) * 3
+        self._dead_weed, self._dead_crop = np.zeros(0, bool), np.zeros(0, bool)
+        self._burnt: list[Array] = []
+        self._cart_m, self._planted_m = 0.0, np.inf
+        self._strip = 0
+
+    def load(self, weed: Array, species: Array, stage: Array, look: Array, crop: Array, strip: int) -> None:
+        """Show another strip: weeds (n, 2) with their kinds and looks in [0, 1), crop plants (m, 2), its number."""
+        self._weed, self._species, self._stage, self._look = weed, species, stage, look
+        self._crop = crop
+        self._dead_weed, self._dead_crop = np.zeros(len(weed), bool), np.zeros(len(crop), bool)
+        self._burnt = []
+        self._strip = strip
+        self._planted_m = np.inf
+
+    def set_dead(self, weed: NDArray[np.bool_], crop: NDArray[np.bool_], burnt: list[Array]) -> None:
+        """Scorch plants and mark shots (2,) on the ground."""
+        if np.any(weed != self._dead_weed) or np.any(crop != self._dead_crop) or len(burnt) != len(self._burnt):
+            self._dead_weed, self._dead_crop, self._burnt = weed.copy(), crop.copy(), list(burnt)
+            self._planted_m = np.inf
+
+    def set_machine(self, cart_m: float, pose: ArrayLike, beam_on: bool = False) -> None:
+        """Put the machine at a cart position and a pose of the mechanism, its beam on or off."""
+        if self._machine is None:
+            raise RuntimeError("this scene was made without its machine")
+        self._cart_m = cart_m
+        self._machine.place(cart_m, pose)
+        at = [0.0, 0.0, -20.0]
+        turn = [0.0, 0.0, 0.0, 1.0]
+        if beam_on:
+            top = self._machine.platform_world()
+            foot = np.array([*self._machine.beam_world(0.0), 0.0])
+            ray = (foot - top) / np.linalg.norm(foot - top)
+            # The visible beam is 1 m long and begins under the laser head; what is below ground is hidden.
+            middle = top + 0.2 * ray + 0.5 * ray
+            at = middle.tolist()
+            turn = upright_to(ray).tolist()
+        pybullet.resetBasePositionAndOrientation(self._beam, at, turn, physicsClientId=self._client.id)
+
+    def look_front(self, cart_m: float) -> RgbdFrame:
+        """What the front camera sees, straight down; the top of the picture is ahead."""
+        self._plant(cart_m)
+        eye = np.array([cart_m + self.config.cart.camera_ahead_m, 0.0, self.parameters.camera_height_m])
+        return self._look_down(self.front, eye, eye - np.array([0.0, 0.0, 1.0]))
+
+    def look_tool(self, centre: Array, spot: Array) -> RgbdFrame:
+        """What the camera beside the laser sees from the platform's ``centre`` (3,) towards a place (2,)."""
+        self._plant(float(centre[0]))
+        return self._look_down(self.tool, centre, np.array([spot[0], spot[1], self.config.reach.target_height_m]))
+
+    def render(self, width: int = 720, height: int = 480) -> NDArray[np.uint8]:
+        """Picture (height, width, 3) of machine and field from beside the row."""
+        self._plant(self._cart_m)
+        for pool in self._pools.values():
+            pool.show(np.ones(len(pool.places), dtype=bool))
+        camera = Camera(width, height, np.deg2rad(36.0), 0.1, 14.0)
+        middle = np.array([self._cart_m + 0.02, 0.0, 0.50])
+        eye = middle + np.array([0.30, -2.55, 1.55])
+        frame = camera.look(self._client, eye, middle, np.array([0.0, 0.0, 1.0]), shadows=True)
+        empty = frame.depth_m > 0.99 * camera.far_m
+        sky = np.linspace((176, 205, 232), (236, 241, 243), height).astype(np.uint8)
+        return np.where(empty[..., None], sky[:, None], frame.rgb)
+
+    def close(self) -> None:
+        """Close the client; idempotent."""
+        self._client.close()
+
+    def _look_down(self, camera: Camera, eye: Array, target: Array) -> RgbdFrame:
+        up = np.array([1.0, 0.0, 0.0])
+        for pool in self._pools.values():
+            pool.show(camera.sees(pool.places, pool.reach_m, eye, target, up))
+        frame = camera.look(self._client, eye, target, up)
+        return frame._replace(rgb=self._sensor(frame.rgb, eye))
+
+    def _sensor(self, rgb: NDArray[np.uint8], eye: Array) -> NDArray[np.uint8]:
+        """Shade of the cart over one side of the picture and the sensor's noise; the same for the same picture."""
+        h, w, _ = rgb.shape
+        edge = 0.35 + 0.3 * np.sin(2.1 * float(eye[0]) + self._strip)
+        light = np.where(np.arange(w) < edge * w, _SHADE, 1.0)
+        key = (int(round(float(eye[0]) * 1e4)) * 7919 + int(round(float(eye[1]) * 1e4)) + 31 * self._strip) % 2**32
+        noise = np.random.default_rng(key).standard_normal((h, w, 1), dtype=np.float32) * _SENSOR_NOISE
+        return np.clip(rgb * light[:, None] + noise, 0.0, 255.0).astype(np.uint8)
+
+    def _make_pools(self) -> dict[str, Pool]:
+        client = self._client
+        pools = {
+            f"weed{species}{stage}": Pool(client, weed_mesh(species, stage), (WEED_GREEN, GRASS_GREEN)[species], 70)
+            for species in (0, 1)
+            for stage in (0, 1, 2)
+        }
+        pools["crop"] = Pool(client, crop_mesh(self.config.scenario.crop), BEET, 54)
+        pools["ground"] = Pool(client, box((8.0, 5.0, 0.02), bottom=False), SOIL, 1)
+        clod = surface_of_revolution(np.array([0.012, 0.010, 0.0]), np.array([-0.002, 0.005, 0.008]), 6)
+        pools["clod"] = Pool(client, clod, CLOD, 240)
+        pebble = surface_of_revolution(np.array([0.007, 0.006, 0.0]), np.array([-0.002, 0.003, 0.005]), 5)
+        pools["stone"] = Pool(client, pebble, STONE, 60)
+        moss = surface_of_revolution(np.array([0.009, 0.0]), np.array([0.0005, 0.001]), 7)
+        pools["moss"] = Pool(client, moss, MOSS, 30)
+        scorch = surface_of_revolution(np.array([0.007, 0.0]), np.array([0.001, 0.0012]), 10)
+        pools["scorch"] = Pool(client, scorch, SCORCHED, 80)
+        return pools
+
+    def _plant(self, middle_m: float) -> None:
+        """Place what grows around ``middle_m``, if it has not been."""
+        if abs(middle_m - self._planted_m) < _REPLANT_M:
+            return
+        self._planted_m = middle_m
+        for pool in self._pools.values():
+            pool.clear()
+        low, high = middle_m - _BEHIND_M - _REPLANT_M, middle_m + _AHEAD_M + _REPLANT_M
+        self._pools["ground"].place((middle_m + 0.2, 0.0, -0.01))
+        for i in np.flatnonzero((self._weed[:, 0] > low) & (self._weed[:, 0] < high)).tolist():
+            species, stage = int(self._species[i]), int(self._stage[i])
+            green = (WEED_GREEN, GRASS_GREEN)[species]
+            shade = 0.85 + 0.3 * float((self._look[i] * 7.3) % 1.0)
+            colour = SCORCHED if self._dead_weed[i] else (green[0] * shade, green[1] * shade, green[2] * shade, 1.0)
+            spin = yaw(2.0 * np.pi * float(self._look[i]))
+            self._pools[f"weed{species}{stage}"].place((*self._weed[i], 0.0), spin, colour)
+        green = BEET if self.config.scenario.crop == "beet" else MAIZE
+        pitch, row = self.config.scenario.crop_pitch_m, self.config.scenario.row_m
+        for i in np.flatnonzero((self._crop[:, 0] > low) & (self._crop[:, 0] < high)).tolist():
+            colour = SCORCHED if self._dead_crop[i] else green
+            self._pools["crop"].place((*self._crop[i], 0.0), yaw(2.0 * np.pi * _scatter(i, self._strip)), colour)
+        for side in (-1, 1):
+            for i in range(int(np.floor(low / pitch)), int(np.ceil(high / pitch))):
+                at = (pitch * (i + 0.1 * _scatter(i, side + 5)), side * row, 0.0)
+                self._pools["crop"].place(at, yaw(2.0 * np.pi * _scatter(i, side + 9)), green)
+        for burnt in self._burnt:
+            if low < burnt[0] < high:
+                self._pools["scorch"].place((*burnt, 0.0))
+        for name, each_m in (("clod", 0.012), ("stone", 0.05), ("moss", 0.5)):
+            for i in range(int(low / each_m), int(high / each_m)):
+                across = 0.62 * (2.0 * _scatter(i, 3 * self._strip + len(name)) - 1.0)
+                self._pools[name].place((each_m * i, across, 0.0), yaw(i))
+
+
+def alive_weeds(weed: Array) -> NDArray[np.bool_]:
+    """Which padded places hold a weed."""
+    return weed[:, 0] < 0.5 * FAR_M
+
+
+def _scatter(index: int, salt: int) -> float:
+    """A fixed, irregular number in [0, 1) for the looks of body ``index``; nothing is drawn."""
+    return float(np.modf(abs(np.sin(12.9898 * index + 78.233 * (salt + 1))) * 43758.5453)[0])

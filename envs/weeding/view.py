@@ -1,0 +1,213 @@
+"""The weeder's cameras at work: tracks for the rules, corrections of the aim, and pictures for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...perception.weeds import Seedlings, WeedDetectorSettings, WeedTracker, detect_seedlings
+from ..core import Array, StepResult
+from .aim import poses
+from .executor import trajectory, weeder_parameters
+from .scene import WeederScene
+from .task import WAIT, WeederPlan, WeedingCore
+
+FRAME_EVERY_M = 0.06
+"""The front camera takes a picture after this much way: six or seven of every weed."""
+DELAY_S = 0.15
+"""From a picture to the use of what it showed [assumed, within the published 50-300 ms]."""
+PLANT_HEIGHT_M = 0.012
+"""Mean height of the leaves that the front camera sees."""
+TOOL_GATE_M = 0.022
+"""The tool camera corrects to a plant within this distance of where it was told to look."""
+DRIFT_SHARE = 0.01
+"""Standard deviation of the odometry's scale [published range 1-2 % of the distance]."""
+
+
+class FrontCamera:
+    """Pictures while driving, tracks, and the odometry that carries them on; one strip of one world."""
+
+    def __init__(self, scene: WeederScene, start_m: float, drift: float):
+        """Begin before the strip: the machine has been driving for a camera's view already."""
+        self._scene, self._drift = scene, drift
+        self.tracker = WeedTracker()
+        self._next_m = start_m - scene.config.cart.seen_ahead_m
+        self.last: tuple[NDArray[np.uint8], Seedlings] | None = None
+
+    def drive(self, cart_m: float) -> None:
+        """Take the pictures that are due until the cart is at ``cart_m``."""
+        while self._next_m <= cart_m:
+            frame = self._scene.look_front(self._next_m)
+            camera = frame.camera
+            found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera, PLANT_HEIGHT_M)
+            self.tracker.update(found, self._next_m)
+            self.last = frame.rgb, found
+            self._next_m += FRAME_EVERY_M
+
+    def place(self, track_place: Array, last_m: float, cart_m: float) -> Array:
+        """Where the odometry believes that a plant is, as the cart's position is true."""
+        return track_place + np.array([self._drift * (cart_m - last_m), 0.0])
+
+
+class WeederView:
+    """Scenes of one world of the rules; follows the rules' state by itself."""
+
+    def __init__(self, core: WeedingCore, window: bool = False):
+        """Build nothing yet: scenes come with the first look or picture."""
+        self._core, self._window = core, window
+        self._eyes: WeederScene | None = None
+        self._stage: WeederScene | None = None
+        self._front: FrontCamera | None = None
+        self._loaded: tuple[int, ...] = ()
+        self._episode = -1
+        self._listed: list[int] = []
+        self._burnt: list[Array] = []
+
+    def sense(self) -> None:
+        """Take the pictures that are due and hand the rules all tracks that are known by now."""
+        core = self._core
+        if self._new_episode() or self._front is None:
+            eyes = self._scene_for_cameras()
+            self._show_strip(eyes)
+            drift = DRIFT_SHARE * (2.0 * float(core.plant_look[0, -1]) - 1.0) * np.sqrt(3.0)
+            self._front = FrontCamera(eyes, -core.config.cart.start_m, drift)
+            self._listed = []
+        cart, front = float(core.cart[0]), self._front
+        front.drive(cart)
+        tracks = front.tracker.tracks
+        reached = cart - float(core.speed[0]) * DELAY_S
+        known = set(self._listed)
+        # Once listed, a track keeps its place in the list.
+        self._listed += [i for i, t in enumerate(tracks) if t.confirmed_m <= reached and i not in known]
+        listed = [tracks[i] for i in self._listed]
+        place = np.array([front.place(t.place, t.last_m, cart) for t in listed]).reshape(-1, 2)
+        crop = np.array([t.is_crop for t in listed], bool)
+        votes = np.array([t.votes for t in listed]).reshape(-1, 2, 3)
+        gap = np.full(len(listed), 1.0)
+        if crop.any():
+            gap = np.hypot(*(place[:, None] - place[crop][None]).transpose(2, 0, 1)).min(axis=1)
+        half = 0.5 * core.config.scenario.band_m
+        done = crop | np.array([t.treated for t in listed], bool) | (np.abs(place[:, 1]) > half)
+        core.receive(0, place, votes.sum(axis=2).argmax(axis=1), votes.sum(axis=1).argmax(axis=1), gap, done)
+
+    def correct(self, action: int) -> None:
+        """Have the tool camera look at the weed that an action fires at, and correct the rules' aim."""
+        core = self._core
+        option = action % core.base_actions
+        if option == core.base_actions - 1 or not core.option_legal(0, option) or self._front is None:
+            return
+        index = int(core.slot_track[0, option // 3])
+        self._front.tracker.tracks[self._listed[index]].treated = True
+        told = core.track_report[0, index]
+        aim = self.tool_aim(told)
+        if aim is not None:
+            core.correct(0, index, aim)
+
+    def tool_aim(self, told: Array) -> Array | None:
+        """Where the tool camera sees the plant that it was sent to, (2,), or None."""
+        reach = self._core.config.reach
+        centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
+        frame = self._scene_for_cameras().look_tool(centre, told)
+        camera = frame.camera
+        settings = WeedDetectorSettings(close_m=0.0012)
+        found = detect_seedlings(
+            frame.rgb, camera.intrinsics, camera.world_from_camera, PLANT_HEIGHT_M, settings=settings
+        )
+        if not len(found.position):
+            return None
+        gap = np.hypot(*(found.position - told).T)
+        nearest = int(gap.argmin())
+        return found.position[nearest] if gap[nearest] <= TOOL_GATE_M else None
+
+    def frame(self) -> NDArray[np.uint8]:
+        """Picture of the present state."""
+        core = self._core
+        return self._draw(float(core.cart[0]), core.place[0], False)
+
+    def frames(self, plan: WeederPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
+        """Pictures of a decision at a steady rate; the beam is on while it burns."""
+        phases = result.phases_s
+        total = float(phases[0].sum())
+        time = np.arange(0.0, total, 1.0 / frames_per_second)
+        cart, beam = trajectory(self._core.config, plan, phases, time)
+        works = bool(plan.kind[0] < WAIT)
+        burns = works & (time >= total - float(phases[0, 3]))
+        if works:
+            self._burnt.append(plan.aim[0].copy())
+        for x, coordinates, on in zip(cart, beam, burns, strict=True):
+            yield self._draw(float(x), coordinates, bool(on))
+
+    def close(self) -> None:
+        """Close the scenes; idempotent."""
+        for scene in (self._eyes, self._stage):
+            if scene is not None:
+                scene.close()
+
+    def _draw(self, cart_m: float, beam: Array, on: bool) -> NDArray[np.uint8]:
+        core = self._core
+        if self._stage is None:
+            parameters = weeder_parameters(core.config)
+            self._stage = WeederScene(core.config, parameters, window=self._window)
+            self._loaded = ()
+        if self._loaded != self._identity():
+            self._show_strip(self._stage)
+            self._loaded, self._burnt = self._identity(), []
+        dead = core.plant_dose[0] >= core.plant_tolerance[0]
+        exists, end = core.plant_exists[0, : core.weeds_end], core.weeds_end
+        self._stage.set_dead(dead[:end][exists], dead[end:], self._burnt)
+        pose = poses(core.config.reach, beam[None], np.array([cart_m]))[0]
+        self._stage.set_machine(cart_m, pose, on)
+        return self._dress(self._stage.render())
+
+    def _dress(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Inset of the front camera with its detections, and the score so far."""
+        core = self._core
+        picture = np.ascontiguousarray(picture)
+        if self._front is not None and self._front.last is not None:
+            rgb, found = self._front.last
+            inset = rgb.copy()
+            for (x, y, w, h), crop in zip(found.box.tolist(), found.crop.tolist(), strict=True):
+                cv2.rectangle(inset, (x, y), (x + w, y + h), (250, 220, 60) if crop else (255, 60, 50), 2)
+            inset = np.asarray(cv2.resize(inset, None, fx=0.42, fy=0.42, interpolation=cv2.INTER_AREA), np.uint8)
+            h, w, _ = inset.shape
+            picture[8 : 8 + h, -8 - w : -8] = inset
+        names = dict(zip(core.score_names, core.scores()[0].tolist(), strict=True))
+        passed = np.count_nonzero(core.plant_exists[0, : core.weeds_end] & self._behind())
+        killed = int(names["done"])
+        text = f"killed {killed}   missed {max(passed - killed, 0)}   crop lost {int(names['damaged'])}"
+        cv2.putText(picture, text, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (20, 20, 20), 2, cv2.LINE_AA)
+        share = names["net_rate"] * float(core.weeds[0]) / max(passed, killed, 1)
+        cv2.rectangle(picture, (12, 36), (212, 48), (150, 60, 50), -1)
+        cv2.rectangle(picture, (12, 36), (12 + int(200 * min(share, 1.0)), 48), (70, 150, 60), -1)
+        return picture
+
+    def _behind(self) -> NDArray[np.bool_]:
+        core = self._core
+        gone = core.plant[0, : core.weeds_end, 0] < core.cart[0] - core.machine.front_m
+        return gone | (core.plant_dose[0] >= core.plant_tolerance[0])[: core.weeds_end]
+
+    def _scene_for_cameras(self) -> WeederScene:
+        if self._eyes is None:
+            self._eyes = WeederScene(self._core.config, weeder_parameters(self._core.config), machine=False)
+        return self._eyes
+
+    def _show_strip(self, scene: WeederScene) -> None:
+        core, end = self._core, self._core.weeds_end
+        exists = core.plant_exists[0, :end]
+        scene.load(
+            core.plant[0, :end][exists],
+            core.plant_species[0, :end][exists],
+            core.plant_kind[0, :end][exists],
+            core.plant_look[0, :end][exists],
+            core.plant[0, end:],
+            int(1e6 * core.plant_look[0, -1]) % 1009,
+        )
+
+    def _identity(self) -> tuple[int, ...]:
+        return (int(1e9 * self._core.plant_look[0, -1]), int(self._core.weeds[0]))
+
+    def _new_episode(self) -> bool:
+        return bool(self._core.totals[0, 0] == 0.0)
