@@ -172,15 +172,24 @@ def _until_a_worker_dies(
 
 @contextmanager
 def _ctrl_c_waits() -> Iterator[None]:
-    """Hold Ctrl-C back until the block is left: what is done here is done whole."""
-    if not hasattr(signal, "pthread_sigmask"):
+    """Hold Ctrl-C back until the block is left: what is done here is done whole.
+
+    A process that starts in the block inherits the mask and never hears Ctrl-C. In this process the mask alone would
+    not do: the signal may reach another thread, and Python then interrupts the main one all the same.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    came: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager
