@@ -290,8 +290,8 @@ th,td{padding:.4rem .6rem;border-bottom:1px solid var(--line);text-align:left;ve
 thead th{background:var(--tint);font-weight:600;white-space:nowrap}
 tbody tr:hover{background:var(--tint)}
 td.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
-td.item{min-width:11rem;font-weight:500}td.t{min-width:6rem}td.claim{min-width:11rem}
-td.why{min-width:19rem;width:40%;color:var(--soft)}
+td.item{min-width:8rem;font-weight:500}td.t{min-width:5rem}td.claim{min-width:8rem}
+td.why{min-width:14rem;width:40%;color:var(--soft)}
 table.summary{width:auto}a{color:inherit}
 .badge{display:inline-block;padding:.05rem .5rem;border-radius:1rem;font-size:12px;font-weight:600;
 line-height:1.3}td .badge{max-width:8.5rem}
