@@ -1,6 +1,7 @@
 """Analytic and PyBullet executors agree; what the row cameras see reaches the rules."""
 
 from dataclasses import replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -28,7 +29,7 @@ def one_tray(scenario: str) -> TransplantingConfig:
 
 
 def episode(seed: int, **settings) -> dict[str, float]:
-    env = gym.make(ID, disable_env_checker=True, **settings)
+    env: Any = gym.make(ID, disable_env_checker=True, **settings)
     observation, info = env.reset(seed=seed)
     policy = make_policy("shortest-cycle", env)
     over = False
@@ -71,7 +72,7 @@ def test_moves_of_a_decision_add_up_to_its_plan():
 
 
 def test_the_cameras_reports_reach_the_rules_row_by_row():
-    env = gym.make(ID, config=one_tray("replug-high"), perception="camera", backend="analytic").unwrapped
+    env: Any = gym.make(ID, config=one_tray("replug-high"), perception="camera", backend="analytic").unwrapped
     env.reset(seed=0)
     core = env.core
     right = cells = 0
@@ -97,7 +98,7 @@ def test_the_cameras_reports_reach_the_rules_row_by_row():
 
 def test_pictures_follow_the_plug():
     pytest.importorskip("cv2")
-    env = gym.make(ID, config=one_tray("fill"), perception="perfect", backend="analytic", render_mode="rgb_array")
+    env: Any = gym.make(ID, config=one_tray("fill"), perception="perfect", backend="analytic", render_mode="rgb_array")
     env.reset(seed=1)
     first = env.render()
     assert first.shape == (480, 640, 3) and first.dtype == np.uint8 and first.std() > 20.0

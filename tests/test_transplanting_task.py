@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import permutations
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -27,7 +28,7 @@ from fieldgym.envs.transplanting.config import (
     TransplantingConfig,
     Tray,
 )
-from fieldgym.envs.transplanting.motions import cell_places, motions
+from fieldgym.envs.transplanting.motions import cell_places, gate_motion, motions
 from fieldgym.envs.transplanting.process import damage_chances, loss_chances
 from fieldgym.envs.transplanting.scenario import draw_blocks, draw_field, random_numbers, reports
 from fieldgym.envs.transplanting.task import (
@@ -237,7 +238,7 @@ def test_presented_rows_of_every_tray_lie_in_the_published_window(source, target
     places = cell_places(MachineConfig(), TRAYS[source], TRAYS[target])
     assert np.abs(places).max() <= 0.3
     assert TRAYS[source].cells == source and TRAYS[target].cells == target
-    env = gym.make(ID, backend="analytic", perception="perfect", source_tray=source, target_tray=target)
+    env: Any = gym.make(ID, backend="analytic", perception="perfect", source_tray=source, target_tray=target)
     assert env.action_space.n == 3 * TRAYS[source].columns * TRAYS[target].columns + 2
 
 
@@ -257,26 +258,24 @@ def test_out_and_back_rates_over_the_full_gate(motion, radius_m, published):
     one = Tray(30, 1, 0.018)
     scenario = ScenarioConfig(one, one, 1, 1, False, 0.0, 0.0, 0.0, 1000.0)
     process = ProcessConfig(grip_s=0.0, release_s=0.0, extraction=1.0)
-    env = gym.make(
+    env: Any = gym.make(
         ID,
         backend="analytic",
         perception="perfect",
         config=TransplantingConfig(scenario=scenario, machine=machine, process=process),
     )
     env.reset(seed=1)
-    cycles = []
-    for _ in range(3):
-        info = env.step(2)[-1]
-        cycles.append(info["phases_s"]["travel"] + info["phases_s"]["carry"])
-        env.step(3), env.step(4)
-        # The first cycle starts above the chute, and after an index the tool is up: add what it rose before.
-        rise = env.unwrapped.core.motions.rise_s[1]
+    first = env.step(2)[-1]["phases_s"]
+    env.step(3), env.step(4)
+    second = env.step(2)[-1]["phases_s"]
     core = env.unwrapped.core
     there, back = core.motions.carry_s[2, 0], core.motions.approach_s[0, 1, 0]
-    assert there == pytest.approx(back, abs=1e-12) and rise > 0.0
+    assert there == pytest.approx(back, abs=1e-12)
+    assert first["carry"] == second["carry"] == there
     assert 60.0 / (there + back) == pytest.approx(published, rel=0.01)
     assert 60.0 / (there + back) == pytest.approx(machine.round_trips_per_min(0.6), rel=1e-9)
-    assert cycles[1] == pytest.approx(there + core.motions.approach_s[0, 3, 0])
+    # After an index the tool hangs above the target cell: no rise is left.
+    assert second["travel"] == core.motions.approach_s[0, 3, 0] < back
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -292,6 +291,21 @@ def test_tables_hold_the_gates_themselves(motion):
             assert table.carry_s[speed, number] == pytest.approx(exact.duration_s, rel=2e-3)
             length = gate.path((start, 0.0), (end, 0.0), machine.lift_m).length_m
             assert table.carry_m[speed, number] == pytest.approx(length, rel=2e-3)
+
+
+@pytest.mark.parametrize("motion", ["blended", "time-optimal"])
+def test_a_way_with_one_corner_is_rounded_both_ways_and_faster_than_a_stop_there(motion):
+    gate = MachineConfig(motion=motion).gate()
+    low, high = np.array([0.0, 0.0]), np.array([0.3, 0.15])
+    down, up = gate_motion(gate, high, low, 0.15), gate_motion(gate, low, high, 0.15)
+    assert down.duration_s == pytest.approx(up.duration_s, rel=1e-3)
+    assert down.duration_s < 0.85 * MachineConfig(motion="stop-fastest").gate().durations(0.0, 0.3, 0.15)
+    for motion_, ends in ((down, (high, low)), (up, (low, high))):
+        state = motion_.sample(np.linspace(0.0, motion_.duration_s, 400))
+        assert state.position[[0, -1]] == pytest.approx(np.array(ends), abs=1e-9)
+        assert np.linalg.norm(state.velocity, axis=1).max() <= 4.5 * (1.0 + 1e-6)
+        assert np.linalg.norm(state.acceleration, axis=1).max() <= 60.0 * (1.0 + 1e-3)
+        assert np.all(np.diff(state.position[:, 1]) * (ends[1][1] - ends[0][1]) >= -1e-12)
 
 
 def test_same_place_is_no_gate():
@@ -338,7 +352,7 @@ def test_reports_follow_the_confusion_matrix():
 def test_trays_and_luck_do_not_depend_on_the_camera_and_steps_draw_nothing(scenario):
     drawn = []
     for perception in ("perfect", "model"):
-        env = gym.make(ID, backend="analytic", scenario=scenario, perception=perception).unwrapped
+        env: Any = gym.make(ID, backend="analytic", scenario=scenario, perception=perception).unwrapped
         _, info = env.reset(seed=3)
         core = env.core
         drawn.append((core.source_cells.copy(), core.target_cells.copy(), core.luck.copy()))

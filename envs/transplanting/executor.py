@@ -11,7 +11,7 @@ from ...simulation.transplanter import GateReport, TransplanterMachine
 from ...simulation.transplanter_model import TransplanterParameters
 from ..core import Array, Rows
 from .config import TransplantingConfig
-from .motions import Motions
+from .motions import Motions, gate_motion
 from .task import INDEX_SOURCE, NOTHING, TransplantingCore, TransplantOutcome, TransplantPlan
 
 _REST_TOLERANCE_M = 5e-4
@@ -76,7 +76,7 @@ class Trajectories:
         key = move.start, move.end, move.limit
         if key not in self._known:
             start, end = self.points[move.start], self.points[move.end]
-            self._known[key] = self._gates[move.limit].motion(start, end, self.level_m)
+            self._known[key] = gate_motion(self._gates[move.limit], start, end, self.level_m)
         return self._known[key]
 
     def samples(self, move: Move, step_s: float) -> tuple[Array, float]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from ...motion import QUINTIC, Gate
+from ...motion import QUINTIC, Gate, PathMotion, StoppedPath, minimum_time, rounded
 from ..core import Array
 from .config import MachineConfig, Tray
 
@@ -125,34 +125,66 @@ def motions(machine: MachineConfig, source: Tray, target: Tray) -> Motions:
     )
 
 
+def gate_motion(gate: Gate, start: Array, end: Array, level_m: float) -> StoppedPath | PathMotion:
+    """The timed way from one place to another over the gates' level.
+
+    A tool that starts or ends at that level has one corner to pass, not two; ways with rounded corners round it as far
+    as the straight piece and the traverse leave room.
+
+    Args:
+        gate: style and limits.
+        start: (2,), across and up, metres.
+        end: (2,), likewise.
+        level_m: height of the traverse.
+    """
+    rise, fall, across = level_m - start[1], level_m - end[1], abs(end[0] - start[0])
+    radius = min(max(rise, fall) - gate.straight_m, across, gate.radius_m)
+    if gate.style not in _ROUNDED or min(rise, fall) > 1e-9 or radius <= 1e-6:
+        return gate.motion(start, end, level_m)
+    # The corner lies above whichever end is below the level.
+    corner = np.array([start[0] if rise > fall else end[0], level_m])
+    path = rounded(np.stack([start, corner, end]), float(radius))
+    return minimum_time(path, gate.velocity_limit, gate.acceleration_limit)
+
+
+_ROUNDED = ("blended", "time-optimal")
+
+
+@lru_cache(maxsize=4096)
+def _hook(gate: Gate, lift_m: float, across_m: float) -> tuple[float, float]:
+    """Duration and path length of a way with one corner."""
+    motion = gate_motion(gate, np.zeros(2), np.array([across_m, lift_m]), lift_m)
+    return motion.duration_s, motion.path.length_m if isinstance(motion, PathMotion) else lift_m + across_m
+
+
 def _gates(gate: Gate, lift_m: float, x: Array, height: Array, ends: NDArray[np.int64]) -> tuple[Array, Array]:
     """Durations and path lengths (P, len(ends)) from every place to those named by ``ends``."""
     across = np.abs(x[:, None] - x[ends])
     rise, fall = np.broadcast_arrays((lift_m - height)[:, None], lift_m - height[ends])
+    if gate.style not in _ROUNDED:
+        return gate.durations(rise, across, fall), rise + across + fall
+    seconds, metres = np.zeros(across.shape), np.zeros(across.shape)
+    hooks = ((rise == 0.0) != (fall == 0.0)) & (across > 0.0)
+    for row, column in zip(*np.nonzero(hooks), strict=True):
+        seconds[row, column], metres[row, column] = _hook(gate, lift_m, round(float(across[row, column]), 9))
+    planned = ~hooks
     if gate.style == "time-optimal":
-        seconds, metres = np.zeros(across.shape), np.zeros(across.shape)
-        widest = float(across.max())
-        for up in {0.0, lift_m}:
-            for down in {0.0, lift_m}:
-                rows = np.isclose(rise, up) & np.isclose(fall, down)
-                if rows.any():
-                    splines = _splines(gate, up, down, widest)
-                    seconds[rows], metres[rows] = (spline(across[rows]) for spline in splines)
-        narrow = across < _NARROWEST_M
-        rise, across, fall = rise[narrow], across[narrow], fall[narrow]
-        seconds[narrow], metres[narrow] = gate.durations(rise, across, fall), _lengths(gate, rise, across, fall)
-        return seconds, metres
-    if gate.style == "blended":
-        return gate.durations(rise, across, fall), _lengths(gate, rise, across, fall)
-    return gate.durations(rise, across, fall), rise + across + fall
+        smooth = planned & (rise > 0.0) & (fall > 0.0) & (across >= _NARROWEST_M)
+        if smooth.any():
+            splines = _splines(gate, lift_m, float(across[smooth].max()))
+            seconds[smooth], metres[smooth] = (spline(across[smooth]) for spline in splines)
+        planned = planned & ~smooth
+    strokes = rise[planned], across[planned], fall[planned]
+    seconds[planned], metres[planned] = gate.durations(*strokes), _lengths(gate, *strokes)
+    return seconds, metres
 
 
 @lru_cache(maxsize=64)
-def _splines(gate: Gate, rise: float, fall: float, widest: float) -> tuple[CubicSpline, CubicSpline]:
+def _splines(gate: Gate, lift_m: float, widest_m: float) -> tuple[CubicSpline, CubicSpline]:
     """Duration and length over the width, for gates that are too costly to plan one by one."""
-    widths = np.geomspace(_NARROWEST_M, widest, _NODES)
-    seconds = gate.durations(rise, widths, fall)
-    return CubicSpline(widths, seconds), CubicSpline(widths, _lengths(gate, rise, widths, fall))
+    widths = np.geomspace(_NARROWEST_M, widest_m, _NODES)
+    seconds = gate.durations(lift_m, widths, lift_m)
+    return CubicSpline(widths, seconds), CubicSpline(widths, _lengths(gate, lift_m, widths, lift_m))
 
 
 def _lengths(gate: Gate, rise: Array | float, across: Array, fall: Array | float) -> Array:
