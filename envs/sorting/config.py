@@ -154,9 +154,9 @@ class BeltConfig:
     slip_sigma_m: float = 0.002
     """Along and across: where an item is gripped against where the camera and the belt's encoder put it; slip, rolling,
     and the registration of camera and machine."""
-    start_x_m: float = -0.16
+    start_x_m: float = -0.23
     """Where the first item may be when the episode begins: the stream is running already."""
-    exit_x_m: float = 0.18
+    exit_x_m: float = 0.22
     """An item that gets here has passed."""
     bins_m: tuple[tuple[float, float], ...] = ((-0.08, 0.20), (0.08, 0.20), (-0.08, -0.20), (0.08, -0.20))
     """Where the platform lets go of each grade."""

@@ -143,7 +143,7 @@ def keep_apart(arrival_s: Array, y_m: Array, radius_m: Array, speed_m_s: float) 
 
     Every item comes as soon as it may: the delays are passed on down the belt until nothing changes any more.
     """
-    rows, n = arrival_s.shape
+    n = arrival_s.shape[1]
     time = arrival_s.copy()
     count = min(_NEIGHBOURS, n - 1)
     clear_s = []

@@ -1,0 +1,126 @@
+"""Produce in rendered images: what the detector finds against what lies there."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldgym.envs.sorting.config import SCENARIOS, BeltConfig, PerceptionModel, SortingConfig
+from fieldgym.envs.sorting.reports import wrapped
+from fieldgym.envs.sorting.scenario import centre_height_m
+from fieldgym.envs.sorting.scene import ShownItem, SorterScene, item_colour
+from fieldgym.envs.sorting.task import SortingCore
+from fieldgym.envs.sorting.view import SorterView, sensor_noise
+from fieldgym.motion.orientation import tilted
+from fieldgym.perception.produce import detect_produce
+from fieldgym.scripts import measure_produce_camera
+
+BELT_M = SortingConfig().machine.sorter.belt_height_m
+
+
+@pytest.fixture(scope="module")
+def scene():
+    made = SorterScene(SortingConfig())
+    yield made
+    made.close()
+
+
+def lay(scene, key, x, y, shape, yaw=0.0, tilt=0.0, azimuth=0.0, fruit=False, ripeness=1.0):
+    length, width, thickness = shape
+    height = centre_height_m(*(np.array(v) for v in (length, width / length, thickness / length, yaw, tilt, azimuth)))
+    where = np.array([BeltConfig().camera_x_m + x, y, BELT_M + float(height)])
+    return ShownItem(key, where, tilted(tilt, azimuth, yaw), shape, item_colour(fruit, ripeness, 0.5))
+
+
+def find(scene, items, noise=None):
+    scene.set_items(items)
+    look = scene.look()
+    look = look if noise is None else sensor_noise(look, noise, 0)
+    return detect_produce(look.rgb, look.depth_m, look.camera, BELT_M)
+
+
+@pytest.mark.parametrize("noise", [None, 3])
+@pytest.mark.parametrize(
+    ("yaw", "tilt", "azimuth"), [(0.0, 0.0, 0.0), (1.2, 0.0, 0.0), (-0.7, 0.25, 0.5), (0.4, 0.35, -2.0)]
+)
+def test_an_ellipsoid_is_found_where_and_how_it_lies(scene, yaw, tilt, azimuth, noise):
+    shape = (0.066, 0.046, 0.035)
+    seen = find(scene, [lay(scene, 1, 0.02, -0.06, shape, yaw, tilt, azimuth)], noise)
+    truth = scene_centre(scene, shape, yaw, tilt, azimuth)
+    assert len(seen.grade) == 1 and seen.grade[0] == 0
+    assert seen.position[0] == pytest.approx(truth, abs=1.2e-3)
+    assert abs(float(wrapped(seen.yaw - yaw)[0])) < np.deg2rad(2.5)
+    lean = seen.tilt[0] * np.array([np.cos(seen.azimuth[0]), np.sin(seen.azimuth[0])])
+    assert lean == pytest.approx(tilt * np.array([np.cos(azimuth), np.sin(azimuth)]), abs=np.deg2rad(5.0))
+    assert seen.axes_m[0] == pytest.approx(shape, rel=0.05)
+
+
+def scene_centre(scene, shape, yaw, tilt, azimuth):
+    return lay(scene, 0, 0.02, -0.06, shape, yaw, tilt, azimuth).position
+
+
+def test_grades_follow_colour_and_size(scene):
+    items = [
+        lay(scene, 1, 0.0, -0.09, (0.072, 0.05, 0.04)),
+        lay(scene, 2, 0.0, -0.03, (0.050, 0.036, 0.03)),
+        lay(scene, 3, 0.0, 0.03, (0.056, 0.054, 0.042), fruit=True, ripeness=0.9),
+        lay(scene, 4, 0.0, 0.09, (0.056, 0.054, 0.042), fruit=True, ripeness=0.1),
+    ]
+    seen = find(scene, items)
+    assert seen.grade[seen.position[:, 1].argsort()].tolist() == [0, 1, 2, 3]
+
+
+def test_touching_items_are_told_apart(scene):
+    shape = (0.056, 0.054, 0.042)
+    items = [lay(scene, k, 0.0, y, shape, fruit=True, ripeness=1.0) for k, y in enumerate((-0.055, 0.0, 0.0545))]
+    seen = find(scene, items)
+    assert np.sort(seen.position[:, 1]) == pytest.approx([-0.055, 0.0, 0.0545], abs=3e-3)
+
+
+def test_an_empty_belt_and_cut_off_items_give_nothing(scene):
+    assert len(find(scene, []).grade) == 0
+    assert len(find(scene, [lay(scene, 1, 0.125, 0.0, (0.07, 0.05, 0.04))]).grade) == 0
+
+
+def test_every_item_is_reported_once_and_belongs_to_an_image():
+    core = SortingCore(SortingConfig(scenario=SCENARIOS["load-1.0"]), None)
+    core.reset_rows(np.array([0]), [np.random.default_rng(2)])
+    view = SorterView(core)
+    core.totals[0, 0] = 20.0
+    view.sense()
+    speed, belt = core.config.belt.speed_m_s, core.config.belt
+    reported = core.report_item[0, np.isfinite(core.seen_s[0])]
+    assert len(set(reported.tolist())) == len(reported) and (reported < core.config.scenario.max_items).all()
+    x = speed * (20.0 - core.item_place[0, :, 0])
+    # Everything between the camera's last image and the end of the reach.
+    there = np.flatnonzero((x > belt.camera_x_m + 0.16) & (x < 0.10))
+    assert set(there.tolist()) <= set(reported.tolist())
+    picture = view.frame()
+    assert picture.shape == (480, 640, 3) and picture.std() > 20.0
+    view.close()
+    view.close()
+
+
+def test_noise_is_the_same_for_the_same_image(scene):
+    look = scene.look()
+    first, again, other = (sensor_noise(look, 5, number) for number in (1, 1, 2))
+    assert np.array_equal(first.rgb, again.rgb) and np.array_equal(first.depth_m, again.depth_m)
+    assert not np.array_equal(first.rgb, other.rgb)
+
+
+def test_the_shipped_fit_is_a_measurement_of_at_least_200_images():
+    path = Path(measure_produce_camera.__file__).parent.parent / "assets/perception/sorting.json"
+    data = json.loads(path.read_text("utf-8"))
+    model = PerceptionModel.measured()
+    assert data["frames"] >= 200 and data["items"] >= 200
+    assert model.recall == data["recall"] and 0.5 < model.recall <= 1.0
+    assert np.asarray(model.confusion).sum(axis=1) == pytest.approx(1.0, abs=1e-3)
+    counts = np.array(data["measured"]["confusion_counts"])
+    assert counts.sum() + sum(data["measured"]["missed_by_grade"]) == data["items"]
+
+
+def test_a_small_measurement_agrees_with_the_shipped_one():
+    result, shipped = measure_produce_camera.measure(12), PerceptionModel.measured()
+    assert result["frames"] == 12 and result["recall"] >= 0.9
+    assert max(result["position_sigma_m"]) < 3.0 * max(shipped.sigma_m) + 2e-4
