@@ -216,7 +216,7 @@ class PerceptionModel:
         )
 
 
-REFERENCE_CYCLE_S = 1.63
+REFERENCE_CYCLE_S = 1.60
 """Cycle of the machine with ``fifo`` and never a lack of items [identified: ``scripts/calibrate_sorter_load.py``]."""
 
 
