@@ -110,6 +110,8 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
             }
         )
         self.motions = table = motions(config.machine, scenario.source, scenario.target)
+        self._approaches = np.stack([table.approach_s.ravel(), table.approach_m.ravel()], axis=-1)
+        self._carries = np.stack([table.carry_s.ravel(), table.carry_m.ravel()], axis=-1)
         self._n, self._m, self._k = n, m, k
         self._pair_source, self._pair_target = np.repeat(np.arange(n), m), np.tile(np.arange(m), n)
         self._approach_scaled = (table.approach_s / MOVE_SCALE_S).astype(np.float32)
@@ -219,12 +221,19 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         phases = np.zeros((self.worlds, len(self.phase_names)))
         way = (clears * len(table.x_m) + start) * self._k + pair
         carry = np.minimum(kind, 2) * self._k + pair
-        phases[:, 0] = table.approach_s.take(way) * moving
-        phases[:, 1] = table.carry_s.take(carry) * grips
-        phases[:, 2] = self._handle_s.take(2 * clears + grips) * moving
-        travel = table.approach_m.take(way) * moving + table.carry_m.take(carry) * grips
+        # Seconds and metres side by side: one gather for both.
+        approach = self._approaches.take(way, axis=0)
+        carried = self._carries.take(carry, axis=0)
+        carried *= grips[:, None]
+        handle = self._handle_s.take(2 * clears + grips)
+        all_move = np.count_nonzero(moving) == self.worlds
+        if not all_move:
+            approach *= moving[:, None]
+            handle *= moving
+        phases[:, 0], phases[:, 1], phases[:, 2] = approach[:, 0], carried[:, 0], handle
+        travel = approach[:, 1] + carried[:, 1]
         end = np.where(grips, self._n + self._pair_target.take(pair), self._pair_source.take(pair))
-        if np.count_nonzero(moving) < self.worlds:
+        if not all_move:
             end[~moving] = start[~moving]
             phases[:, 4] = self.config.process.illegal_s * (kind == NOTHING)
             rows = np.flatnonzero((kind > NOTHING) | ((kind >= INDEX_SOURCE) & (kind < NOTHING)))
