@@ -248,9 +248,7 @@ class RecedingHorizon(_WeedingPolicy):
                 beams = _Beams(*(_pick(part, kept) for part in grown))
         return action
 
-    def _grow(
-        self, beams: _Beams, view: View, along: Array, across: Array, speed: Array, first: bool
-    ) -> _Beams:
+    def _grow(self, beams: _Beams, view: View, along: Array, across: Array, speed: Array, first: bool) -> _Beams:
         """Every sequence with one more shot, (B, W K M) of them; impossible ones have gained -inf."""
         b, w, k = beams.used.shape
         cart = speed[:, None] * beams.clock

@@ -61,7 +61,9 @@ def plant_mask(rgb: NDArray[np.uint8], green: float, close_px: int) -> NDArray[n
     index = (2.0 * g - r - b) / np.maximum(r + g + b, 30.0)
     mask = (cv2.GaussianBlur(index, (3, 3), 0.0) > green).astype(np.uint8) * 255
     if close_px > 1:
-        mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (close_px, close_px)))
+        mask = cv2.morphologyEx(
+            mask, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (close_px, close_px))
+        )
     return np.asarray(mask, np.uint8)
 
 

@@ -96,7 +96,9 @@ class WeederMachine:
 
     def place(self, cart_x_m: float, pose: ArrayLike) -> None:
         """Put all joints where the kinematics says, at rest, without stepping: for rendering."""
-        self._machine.reset(self._joints(np.array([cart_x_m]), as_points(pose, 4, "pose").reshape(1, 4))[0][self._order])
+        self._machine.reset(
+            self._joints(np.array([cart_x_m]), as_points(pose, 4, "pose").reshape(1, 4))[0][self._order]
+        )
 
     def reset(self, cart_x_m: float, pose: ArrayLike, speed_m_s: float = 0.0) -> None:
         """``place`` the machine with the cart driving at ``speed_m_s`` and all legs at rest against it."""

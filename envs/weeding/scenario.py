@@ -165,11 +165,11 @@ def _draws(scenario: ScenarioConfig) -> int:
     """Weeds that are drawn on the enlarged area; beyond five standard deviations nothing is kept."""
     parents, cluster, background = _counts(scenario)
     if not len(parents):
-        return len(background)
+        return max(len(background), scenario.max_weeds)
     mean = scenario.density_per_m2 * (scenario.strip_m + 2.0 * _MARGIN_M) * (scenario.band_m + 2.0 * _MARGIN_M)
     # Variance of a cluster process's count: mean times (1 + cluster size) for the clumped part.
     spread = np.sqrt(mean * (1.0 + scenario.clumped * scenario.cluster_size))
-    return int(np.ceil(mean + 5.0 * spread))
+    return max(int(np.ceil(mean + 5.0 * spread)), scenario.max_weeds)
 
 
 def ghost_table(scenario: ScenarioConfig, perception: PerceptionModel) -> Array:

@@ -7,7 +7,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...simulation.camera import Camera, RgbdFrame
 from ...simulation.client import PhysicsClient, pybullet
-from ...simulation.meshes import Mesh, Pool, box, flat_shaded, merged, rotation_z, surface_of_revolution, turned, upright_to, yaw
+from ...simulation.meshes import (
+    Mesh,
+    Pool,
+    box,
+    flat_shaded,
+    merged,
+    rotation_z,
+    surface_of_revolution,
+    turned,
+    upright_to,
+    yaw,
+)
 from ...simulation.weeder import WeederMachine
 from ...simulation.weeder_model import WeederParameters
 from ..core import Array

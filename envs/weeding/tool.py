@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from ..core import Array, Rows

@@ -34,18 +34,18 @@ class FrontCamera:
         """Begin before the strip: the machine has been driving for a camera's view already."""
         self._scene, self._drift = scene, drift
         self.tracker = WeedTracker()
-        self._next_m = start_m - scene.config.cart.seen_ahead_m
+        self.next_m = start_m - scene.config.cart.seen_ahead_m
         self.last: tuple[NDArray[np.uint8], Seedlings] | None = None
 
     def drive(self, cart_m: float) -> None:
         """Take the pictures that are due until the cart is at ``cart_m``."""
-        while self._next_m <= cart_m:
-            frame = self._scene.look_front(self._next_m)
+        while self.next_m <= cart_m:
+            frame = self._scene.look_front(self.next_m)
             camera = frame.camera
             found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera, PLANT_HEIGHT_M)
-            self.tracker.update(found, self._next_m)
+            self.tracker.update(found, self.next_m)
             self.last = frame.rgb, found
-            self._next_m += FRAME_EVERY_M
+            self.next_m += FRAME_EVERY_M
 
     def place(self, track_place: Array, last_m: float, cart_m: float) -> Array:
         """Where the odometry believes that a plant is, as the cart's position is true."""
@@ -62,7 +62,6 @@ class WeederView:
         self._stage: WeederScene | None = None
         self._front: FrontCamera | None = None
         self._loaded: tuple[int, ...] = ()
-        self._episode = -1
         self._listed: list[int] = []
         self._burnt: list[Array] = []
 
@@ -70,8 +69,8 @@ class WeederView:
         """Take the pictures that are due and hand the rules all tracks that are known by now."""
         core = self._core
         if self._new_episode() or self._front is None:
-            eyes = self._scene_for_cameras()
-            self._show_strip(eyes)
+            eyes = self.camera_scene()
+            self.show_strip(eyes)
             drift = DRIFT_SHARE * (2.0 * float(core.plant_look[0, -1]) - 1.0) * np.sqrt(3.0)
             self._front = FrontCamera(eyes, -core.config.cart.start_m, drift)
             self._listed = []
@@ -110,7 +109,7 @@ class WeederView:
         """Where the tool camera sees the plant that it was sent to, (2,), or None."""
         reach = self._core.config.reach
         centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
-        frame = self._scene_for_cameras().look_tool(centre, told)
+        frame = self.camera_scene().look_tool(centre, told)
         camera = frame.camera
         settings = WeedDetectorSettings(close_m=0.0012)
         found = detect_seedlings(
@@ -153,7 +152,7 @@ class WeederView:
             self._stage = WeederScene(core.config, parameters, window=self._window)
             self._loaded = ()
         if self._loaded != self._identity():
-            self._show_strip(self._stage)
+            self.show_strip(self._stage)
             self._loaded, self._burnt = self._identity(), []
         dead = core.plant_dose[0] >= core.plant_tolerance[0]
         exists, end = core.plant_exists[0, : core.weeds_end], core.weeds_end
@@ -189,12 +188,14 @@ class WeederView:
         gone = core.plant[0, : core.weeds_end, 0] < core.cart[0] - core.machine.front_m
         return gone | (core.plant_dose[0] >= core.plant_tolerance[0])[: core.weeds_end]
 
-    def _scene_for_cameras(self) -> WeederScene:
+    def camera_scene(self) -> WeederScene:
+        """The scene that both cameras look at; the machine is left out of it."""
         if self._eyes is None:
             self._eyes = WeederScene(self._core.config, weeder_parameters(self._core.config), machine=False)
         return self._eyes
 
-    def _show_strip(self, scene: WeederScene) -> None:
+    def show_strip(self, scene: WeederScene) -> None:
+        """Load the rules' present strip into a scene."""
         core, end = self._core, self._core.weeds_end
         exists = core.plant_exists[0, :end]
         scene.load(

@@ -1,0 +1,352 @@
+"""The weeding rules on strips that can be checked by hand, the aim against its own inverse, and the process."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import fieldgym  # noqa: F401
+from fieldgym.agents import make_policy
+from fieldgym.envs.weeding.aim import LaserReach, approach, dwell_table, move_time, poses, spot
+from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel, ProcessConfig, WeedingConfig
+from fieldgym.envs.weeding.env import laser_core
+from fieldgym.envs.weeding.executor import AnalyticWeeder, check_reach
+from fieldgym.envs.weeding.process import LaserProcess, ed50_j, kill_probability, label_dose, overlap, tolerance_j
+from fieldgym.envs.weeding.scenario import PAD, draw_blocks, draw_plants, random_numbers
+from fieldgym.envs.weeding.task import NOTHING, WAIT, cart_way
+from fieldgym.motion import QUINTIC
+
+REACH = LaserReach()
+
+
+def toy(weeds, kinds=None, crop_at=None, **changes):
+    """A core with perfect perception whose strip holds the given weeds alone."""
+    config = WeedingConfig(**changes)
+    core = laser_core(config, PerceptionModel.perfect())
+    core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(0)])
+    n = len(weeds)
+    end = core.weeds_end
+    core.plant[0, :end], core.plant_tolerance[0] = 1e3, np.inf
+    core.plant[0, PAD : PAD + n] = weeds
+    core.plant_tolerance[0, PAD : PAD + n] = 20.0
+    if crop_at is not None:
+        core.plant[0, end + crop_at[0]] = crop_at[1]
+        core.plant_tolerance[0, end + crop_at[0]] = 15.0
+    core.weeds[0] = n
+    core.track_count[0], core.cursor[0] = n, 0
+    core.track_line[0], core.track_report[0], core.track_aim[0] = np.nan, 1e3, 1e3
+    for i, place in enumerate(weeds):
+        core.track_report[0, i] = core.track_aim[0, i] = place
+        core.track_line[0, i] = place[0], -1e3
+        core.track_near[0, i, 0] = i
+        core.track_near[0, i, 1] = 1 if crop_at is None else crop_at[0]
+        core.track_real[0, i] = True
+    core.slot_track[0] = core.capacity
+    core._prepare()
+    return core
+
+
+def act(core, action):
+    plan = core.plan(np.array([action]))
+    return plan, core.apply(plan, AnalyticWeeder().execute(plan))
+
+
+def test_a_shot_takes_move_correction_and_burn_and_the_cart_drives_on():
+    core = toy([(0.0, 0.1), (0.1, -0.1)])
+    cart, speed = float(core.cart[0]), core.config.speed_m_s
+    # Both weeds are 0.45 m and 0.55 m ahead of the cart; the window begins at 0.35 m.
+    assert core._legal[0, :6].sum() == 0
+    while not core._legal[0, 1]:
+        plan, result = act(core, 3 * core.config.slots)
+        assert plan.kind[0] == WAIT and result.phases_s.sum() >= core.config.cart.moment_s - 1e-12
+    waited = float(core.totals[0, 0])
+    assert core.cart[0] == pytest.approx(cart + speed * waited, abs=1e-12)
+    plan, result = act(core, 1)
+    move, wait, correct, burn, pause = result.phases_s[0]
+    stroke = plan.target[0] - plan.start[0]
+    assert move == pytest.approx(float(move_time(REACH, stroke)), abs=1e-12)
+    assert (correct, burn, pause) == (0.05, 75.0 / 200.0, 0.0)
+    assert wait <= core.config.cart.early_s
+    # The platform stands over ground, its lean meets the weed: at the end it is still within its travel.
+    assert plan.target[0, 0] + plan.target[0, 1] == pytest.approx(0.0, abs=1e-12)
+    assert abs(plan.target[0, 0] - core.cart[0]) <= REACH.travel_m + 1e-9
+    # 75 J centred kill a tolerance of 20 J; reward terms by hand.
+    elapsed = move + wait + 0.05 + 0.375
+    assert result.rewards[0] == pytest.approx([1.0, 0.0, -0.05 * elapsed, -0.0005 * 75.0])
+    scores = dict(zip(core.score_names, core.scores()[0], strict=True))
+    assert scores["net_rate"] == 0.5 and scores["missed"] == 1.0 and scores["joules_per_weed"] == 75.0
+    assert scores["cycle_time_s"] == pytest.approx(waited + elapsed)
+
+
+def test_doses_add_up_and_miss_with_distance():
+    core = toy([(0.0, 0.0)], process=replace(ProcessConfig(), dose_j=(12.0, 30.0, 200.0)))
+    while not core._legal[0, 0]:
+        act(core, 3 * core.config.slots)
+    core.track_aim[0, 0] = (0.002, 0.0)
+    _, result = act(core, 0)
+    share = np.exp(-2.0 * 0.002**2 / (0.003**2 + core.config.process.meristem_m[int(core.plant_kind[0, PAD])] ** 2))
+    assert core.plant_dose[0, PAD] == pytest.approx(12.0 * share)
+    assert result.rewards[0, 0] == 0.0
+    # What was shot at is off the list, whether it died or not.
+    assert core._legal[0, : 3 * core.config.slots].sum() == 0
+
+
+def test_a_crop_plant_beside_the_beam_dies():
+    core = toy([(0.0, 0.0)], crop_at=(1, (0.004, 0.0)))
+    while not core._legal[0, 2]:
+        act(core, 3 * core.config.slots)
+    _, result = act(core, 1)
+    dose = 75.0 * np.exp(-2.0 * 0.004**2 / (0.003**2 + 0.006**2))
+    assert dose > 15.0 and result.rewards[0, 1] == -5.0
+    assert core.totals[0, 2] == 1.0
+
+
+def test_weeds_that_nobody_shoots_leave_and_count_as_missed():
+    core = toy([(0.0, 0.1), (0.1, -0.1), (7.9, 0.0)])
+    over = False
+    while not over:
+        _, result = act(core, 3 * core.config.slots)
+        over = bool(result.terminated[0])
+    scores = dict(zip(core.score_names, core.scores()[0], strict=True))
+    assert scores["missed"] == 3.0 and scores["net_rate"] == 0.0 and scores["shots"] == 0.0
+    assert core.cart[0] >= 7.9 + core.machine.front_m - 0.05
+
+
+def test_an_illegal_shot_costs_time_and_nothing_else():
+    core = toy([(0.0, 0.1)])
+    plan, result = act(core, 7)
+    assert plan.kind[0] == NOTHING and result.rewards[0, 0] == 0.0
+    assert result.phases_s.sum() >= core.config.cart.illegal_s
+    assert core.totals[0, 3] == 1.0
+
+
+def test_slots_are_in_the_order_of_leaving_and_move_up():
+    core = toy([(0.02 * i, 0.0) for i in range(30)], slots=4)
+    assert core.slot_track[0].tolist() == [0, 1, 2, 3]
+    while not core._legal[0, 3 * 1 + 0]:
+        act(core, 12)
+    act(core, 3)
+    assert core.slot_track[0].tolist() == [0, 2, 3, 4]
+
+
+@settings(max_examples=60, deadline=None)
+@given(lean=st.floats(-0.2, 0.2), across=st.floats(-0.2, 0.2), travel=st.floats(-0.2, 0.2), cart=st.floats(-5.0, 50.0))
+def test_poses_put_the_spot_where_it_should_be(lean, across, travel, cart):
+    beam = np.array([cart + travel, lean, across])
+    pose = poses(REACH, beam, cart)
+    assert spot(REACH, pose, cart) == pytest.approx([cart + travel + lean, across], abs=1e-9)
+
+
+def test_everything_that_the_aim_may_command_is_within_the_mechanism():
+    assert min(check_reach(REACH).values()) > 0.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(along=st.floats(-0.5, 0.6), across=st.floats(-0.22, 0.22), speed=st.floats(0.02, 0.3))
+def test_legal_shots_stay_within_the_travel_and_the_choice_of_the_lean_is_the_best(along, across, speed):
+    stand = np.array([0.2, 0.425, 1.05])
+    found = approach(
+        REACH,
+        stand,
+        np.array([[0.05, 0.0, 0.0]]),
+        np.zeros(1),
+        np.array([speed]),
+        np.array([[along]]),
+        np.array([[across]]),
+        0.4,
+    )
+    for mode in np.flatnonzero(found.legal[0, 0]):
+        place, lean, _ = found.beam[0, 0, mode]
+        start = place - speed * (found.move_s + found.wait_s)[0, 0, mode]
+        end = start - speed * stand[mode]
+        assert place + lean == pytest.approx(along, abs=1e-12)
+        assert start <= REACH.travel_m + 1e-9 and end >= -REACH.travel_m - 1e-9 and abs(lean) <= REACH.lean_m + 1e-12
+    if speed * stand[2] > 2.0 * REACH.travel_m:
+        assert not found.legal[0, 0, 2]
+
+
+def test_the_lean_has_the_largest_smallest_margin_of_all():
+    speed, stand, along = 0.1, 0.425, 0.12
+    found = approach(
+        REACH,
+        np.array([stand]),
+        np.zeros((1, 3)),
+        np.zeros(1),
+        np.array([speed]),
+        np.array([[along]]),
+        np.array([[0.0]]),
+        0.4,
+    )
+    middle = along - speed * (REACH.expected_move_s + 0.5 * stand)
+    half = REACH.travel_m - 0.5 * speed * stand
+
+    def margin(lean):
+        return np.minimum(1.0 - np.abs(lean) / REACH.lean_m, 1.0 - np.abs(middle - lean) / half)
+
+    grid = np.linspace(-REACH.lean_m, REACH.lean_m, 20001)
+    assert margin(found.beam[0, 0, 0, 1]) >= margin(grid).max() - 1e-12
+
+
+def test_move_times_are_the_quintic_under_its_limits():
+    stroke = np.array([0.1, -0.05, 0.2])
+    by_hand = max(
+        float(QUINTIC.duration(0.1, REACH.travel_velocity_m_s, REACH.travel_acceleration_m_s2)),
+        float(QUINTIC.duration(0.2, REACH.lean_velocity_m_s, REACH.lean_acceleration_m_s2)),
+    )
+    assert float(move_time(REACH, stroke)) == pytest.approx(by_hand)
+
+
+def test_dwell_table_by_hand():
+    slow, fast = dwell_table(REACH, [0.1, 0.3])
+    assert (slow.residence_s, slow.longest_s) == pytest.approx((7.0, 3.0))
+    assert (fast.residence_s, fast.longest_s) == pytest.approx((0.7 / 0.3, 1.0))
+
+
+def test_cart_way_against_summation():
+    speed = np.array([[0.1, 0.2], [0.2, 0.1], [0.1, 0.1]])
+    time = np.array([0.5, 0.1, 1.0])
+    way, last = cart_way(speed, 0.3, time)
+    for row in range(3):
+        steps = np.linspace(0.0, time[row], 20001)
+        change = np.clip(speed[row, 1] - speed[row, 0], -0.3 * steps, 0.3 * steps)
+        velocity = speed[row, 0] + change
+        assert way[row] == pytest.approx(float(np.sum((velocity[1:] + velocity[:-1]) / 2) * (steps[1])), rel=1e-6)
+        assert last[row] == pytest.approx(velocity[-1])
+
+
+def test_the_published_dose_kills_95_percent():
+    process = ProcessConfig()
+    assert kill_probability(process, 54.0, 0, 1) == pytest.approx(0.95)
+    assert ed50_j(process, 1, 2) == pytest.approx(process.ed50_j * 3.0 * 1.75)
+    assert label_dose(process, 0, 0) <= label_dose(process, 0, 1) <= label_dose(process, 0, 2)
+
+
+def test_tolerances_have_the_logistic_as_their_distribution():
+    process = ProcessConfig()
+    luck = (np.arange(20000) + 0.5) / 20000
+    died = (tolerance_j(process, 0, 1, luck) <= 40.0).mean()
+    assert died == pytest.approx(float(kill_probability(process, 40.0, 0, 1)), abs=1e-4)
+
+
+def test_overlap_falls_with_distance_and_process_agrees():
+    assert overlap(0.003, 0.003, 0.0) == 1.0
+    laser = LaserProcess(ProcessConfig())
+    square = np.array([[0.0, 4e-6, 1e-4]])
+    dose = laser.dose(np.array([1]), square, np.zeros((1, 3), np.int64))
+    assert dose[0] == pytest.approx(75.0 * overlap(0.003, 0.0025, square[0]))
+    assert dose[0, 0] > dose[0, 1] > dose[0, 2]
+
+
+@pytest.mark.parametrize("tier", ["load-1.0", "load-1.0-even", "dense"])
+def test_fields_have_the_density_and_the_clumping_that_their_tier_says(tier):
+    scenario = SCENARIOS[tier]
+    generators = [np.random.default_rng(seed) for seed in range(300)]
+    blocks = draw_blocks(generators, random_numbers(scenario, PerceptionModel.perfect()))
+    plants = draw_plants(scenario, blocks[0], blocks[1])
+    counts = plants.exists.sum(axis=1)
+    mean = scenario.density_per_m2 * scenario.strip_m * scenario.band_m
+    assert counts.mean() == pytest.approx(mean, rel=4.0 * counts.std() / np.sqrt(300) / mean)
+    # Counts on quadrats 0.2 m long: a Poisson field has variance = mean, a clustered one more.
+    quadrats = np.floor(plants.weed[..., 0] / 0.2)
+    table = np.stack([(plants.exists & (quadrats == q)).sum(axis=1) for q in range(int(scenario.strip_m / 0.2))])
+    ratio = table.var() / table.mean()
+    assert (0.9 < ratio < 1.1) if scenario.clumped == 0.0 else ratio > 1.5
+    assert counts.max() < scenario.max_weeds
+    assert np.all(np.diff(np.where(plants.exists, plants.weed[..., 0], 1e3), axis=1) >= 0.0)
+
+
+def test_the_field_is_the_same_whatever_the_perception_and_the_worlds_beside():
+    first = laser_core(WeedingConfig(), PerceptionModel.perfect())
+    other = laser_core(WeedingConfig(), PerceptionModel.measured(), 3)
+    first.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(7)])
+    other.reset_rows(np.arange(3), [np.random.default_rng(seed) for seed in (5, 7, 9)])
+    assert np.array_equal(first.plant[0], other.plant[1])
+    assert np.array_equal(first.plant_tolerance[0], other.plant_tolerance[1])
+
+
+@pytest.mark.parametrize("scenario", sorted(SCENARIOS))
+def test_every_tier_runs(scenario):
+    env = gym.make("fieldgym/LaserWeeding-v0", backend="analytic", scenario=scenario)
+    _, info = env.reset(seed=0)
+    for _ in range(20):
+        info = env.step(int(info["action_mask"].argmax()))[-1]
+    assert info["scorecard"]["weeds"] > 50
+
+
+def test_the_load_is_what_its_name_says():
+    for name, scenario in SCENARIOS.items():
+        config = WeedingConfig(scenario=scenario)
+        load = scenario.density_per_m2 * scenario.band_m * config.speed_m_s * config.service_s
+        assert load == pytest.approx(scenario.offered_load, rel=0.02), name
+
+
+@pytest.mark.parametrize("policy", ["random", "fifo", "edf", "nearest", "shortest-dwell", "kill-per-second"])
+def test_policies_choose_legal_actions_and_beat_chance(policy):
+    env = gym.make_vec(
+        "fieldgym/LaserWeeding-v0", num_envs=6, vectorization_mode="vector_entry_point", scenario="load-1.0"
+    )
+    rule = make_policy(policy, env, seed=1)
+    observation, info = env.reset(seed=0)
+    for _ in range(60):
+        action = rule.act(observation)
+        assert np.all(observation["action_mask"][np.arange(6), action] == 1)
+        observation, _, _, _, info = env.step(action)
+    assert np.all(info["scorecard"]["illegal"] == 0.0) and info["scorecard"]["done"].sum() > 0
+
+
+def test_the_beam_search_finds_what_brute_force_finds():
+    """With full depth and width it serves every weed of a small backlog that can be served; FIFO loses some."""
+    results = {}
+    for policy in ("receding-horizon", "edf", "random"):
+        env = gym.make_vec(
+            "fieldgym/LaserWeeding-v0",
+            num_envs=8,
+            vectorization_mode="vector_entry_point",
+            scenario="load-1.6",
+            perception="perfect",
+            autoreset_mode="Disabled",
+        )
+        rule = make_policy(policy, env, seed=1)
+        observation, info = env.reset(seed=0)
+        over = np.zeros(8, bool)
+        net = np.zeros(8)
+        while not over.all():
+            observation, _, end, cut, info = env.step(rule.act(observation))
+            ended = (end | cut) & ~over
+            net[ended] = info["scorecard"]["net_rate"][ended]
+            over |= ended
+        results[policy] = net.mean()
+    assert results["receding-horizon"] > results["edf"] > results["random"]
+
+
+def test_speed_variant_changes_speed_by_notches_within_its_range():
+    env = gym.make("fieldgym/LaserWeedingSpeed-v0", backend="analytic", scenario="load-1.0")
+    env.reset(seed=0)
+    core = env.unwrapped.core
+    wait, block = core.base_actions - 1, core.base_actions
+    before = float(core.set_speed[0])
+    for _ in range(30):
+        env.step(2 * block + wait)
+    assert core.set_speed[0] == pytest.approx(core.config.cart.speed_range_m_s[1])
+    for _ in range(2):
+        env.step(block + wait)
+    assert core.set_speed[0] == pytest.approx(core.config.cart.speed_range_m_s[1] - 0.04)
+    assert core.speed[0] > before
+
+
+@pytest.mark.parametrize(
+    ("build", "word"),
+    [
+        (lambda: ProcessConfig(power_w=-1.0), "power_w"),
+        (lambda: replace(SCENARIOS["load-1.0"], stage_shares=(0.5, 0.5, 0.5)), "stage_shares"),
+        (lambda: replace(SCENARIOS["load-1.0"], max_weeds=10), "max_weeds"),
+        (lambda: WeedingConfig(scenario=replace(SCENARIOS["load-1.0"], band_m=0.6)), "band_m"),
+        (lambda: LaserReach(gap_m=-0.1), "gap_m"),
+    ],
+)
+def test_bad_numbers_are_named(build, word):
+    with pytest.raises(ValueError, match=word):
+        build()
