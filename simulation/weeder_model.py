@@ -72,8 +72,8 @@ def weeder_robot(parameters: WeederParameters) -> Robot:
     """The weeder as one tree on the cart's way: frame, three UPS legs and the RPU leg that carries the platform.
 
     Joints, in order: ``cart``; for the UPS legs i = 1..3 ``swing{i}`` about the mechanism's X, ``tilt{i}`` about Y and
-    ``leg{i}``, the length; for the RPU leg ``swing4`` about Y, ``leg4``, ``nod`` about Y and ``roll`` about the platform's
-    X. The rods' tips 1..3 are free: the machine closes them on the platform at run time.
+    ``leg{i}``, the length; for the RPU leg ``swing4`` about Y, ``leg4``, ``nod`` about Y and ``roll`` about the
+    platform's X. The rods' tips 1..3 are free: the machine closes them on the platform at run time.
     """
     at = parameters.mechanism.attachments
     links = [
@@ -150,7 +150,7 @@ def _base_parts(joints: np.ndarray) -> tuple[Part, ...]:
 
 
 def _frame_parts(parameters: WeederParameters) -> tuple[Part, ...]:
-    """A portal cart over the row: deck with the base's ring, four legs and wheels, laser source, cooler, front camera."""
+    """A portal cart over the row: deck with the base's ring, legs and wheels, laser source, cooler, front camera."""
     top = parameters.base_height_m + 0.045
     parts: list[Part] = []
     for y in (-_HALF_WIDTH_M, _HALF_WIDTH_M):

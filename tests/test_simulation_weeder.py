@@ -1,4 +1,4 @@
-"""The weeder in PyBullet: spot error while following, closure, force limits, and agreement with the analytic backend."""
+"""The weeder in PyBullet: spot error while following, closure, force limits, agreement of the backends."""
 
 import numpy as np
 import pytest

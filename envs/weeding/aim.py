@@ -14,9 +14,11 @@ metres. They are linear in the spot; angles come from them by two arctangents:
     tan(beta) = L / gap,    tan(alpha) = M cos(beta) / gap.
 
 **Following.** While it burns, the platform stands still over ground: X runs backwards with the cart's speed and both
-angles are constant, which is what the paper has its translation along Y for. A weed is followed for as long as |X| stays
-within its range. **Choice of the lean.** The platform's mean place while following and the lean share the weed's mean
-place over the cart in proportion to their ranges. Of all leans that is the one whose smallest relative margin (of X to
+angles are constant, which is what the paper has its translation along Y for. A weed is followed for as long as |X|
+stays within its range.
+
+**Choice of the lean.** The platform's mean place while following and the lean share the weed's mean place over the
+cart in proportion to their ranges. Of all leans that is the one whose smallest relative margin (of X to
 its range over the whole time of following, of L to its own) is largest: the two margins are linear in the lean with
 slopes of opposite sign, so the largest minimum is where they are equal.
 
@@ -129,6 +131,28 @@ def spot(reach: LaserReach, pose: ArrayLike, cart_m: ArrayLike) -> Array:
     return np.stack([along, gap * np.tan(p[..., 2]) / np.cos(p[..., 3])], axis=-1)
 
 
+class Pace(NamedTuple):
+    """What an approach needs to know of the cart's speed alone; shapes (B, 1, M), ``speed`` (B, 1, 1)."""
+
+    speed: Array
+    able: NDArray[np.bool_]
+    """Whether the platform's travel lasts for the standing time."""
+    share: Array
+    """Share of the lean in the way."""
+    passed: Array
+    """Ground that passes until the middle of the work."""
+    stood: Array
+    """Ground that passes during the work."""
+
+
+def pace_terms(reach: LaserReach, stand_s: Array, speed_m_s: Array) -> Pace:
+    """See ``Pace``; standing times (M,) and speeds (B,)."""
+    speed = speed_m_s[:, None, None]
+    half = reach.travel_m - (0.5 * stand_s) * speed
+    share = reach.lean_m / (np.maximum(half, 0.0) + reach.lean_m)
+    return Pace(speed, half >= 0.0, share, speed * (reach.expected_move_s + 0.5 * stand_s), speed * stand_s)
+
+
 def approach(
     reach: LaserReach,
     stand_s: Array,
@@ -138,6 +162,7 @@ def approach(
     along_m: Array,
     across_m: Array,
     early_s: float,
+    pace: Pace | None = None,
 ) -> Approach:
     """How the machine would fire at candidates, for each standing time.
 
@@ -150,13 +175,12 @@ def approach(
         along_m: (B, K) targets in the world.
         across_m: (B, K).
         early_s: longest wait for a target that is not in the window yet.
+        pace: ``pace_terms`` of the standing times and speeds, where they are at hand.
     """
-    speed = speed_m_s[:, None, None]
+    speed, able, share, passed, stood = pace or pace_terms(reach, stand_s, speed_m_s)
     cart = cart_m[:, None, None]
-    half = reach.travel_m - (0.5 * stand_s) * speed
-    share = reach.lean_m / (np.maximum(half, 0.0) + reach.lean_m)
     along = along_m[..., None]
-    middle = along - (cart + speed * (reach.expected_move_s + 0.5 * stand_s))
+    middle = along - (cart + passed)
     target = np.empty((*middle.shape, 3))
     lean = np.minimum(np.maximum(middle * share, -reach.lean_m), reach.lean_m)
     np.subtract(along, lean, out=target[..., 0])
@@ -165,8 +189,8 @@ def approach(
     move_s = move_time(reach, target - beam[:, None, None])
     ahead = target[..., 0] - cart
     wait_s = np.maximum((ahead - reach.travel_m) / speed - move_s, 0.0)
-    behind = ahead - speed * (move_s + wait_s + stand_s)
-    legal = (behind >= -reach.travel_m) & (wait_s <= early_s) & (half >= 0.0)
+    behind = ahead - speed * (move_s + wait_s) - stood
+    legal = (behind >= -reach.travel_m) & (wait_s <= early_s) & able
     legal &= np.abs(target[..., 2]) <= reach.half_width_m
     return Approach(target, move_s, wait_s, legal)
 
@@ -213,6 +237,8 @@ class LaserMachine:
         self.front_m, self.half_width_m = reach.front_m, reach.half_width_m
         self.scale = np.array([reach.travel_m, reach.lean_m, reach.half_width_m])
         self._inverse_scale = 1.0 / self.scale
+        self._key = b""
+        self._pace: Pace | None = None
 
     def ready(self, cart_m: Array) -> Array:
         """See ``ready_beam``."""
@@ -226,7 +252,11 @@ class LaserMachine:
         self, stand_s: Array, place: Array, cart_m: Array, speed_m_s: Array, along_m: Array, across_m: Array
     ) -> Approach:
         """See ``approach``."""
-        return approach(self.reach, stand_s, place, cart_m, speed_m_s, along_m, across_m, self._early_s)
+        # A cart that keeps its speed keeps these terms: they are a fifth of the work.
+        key = stand_s.tobytes() + speed_m_s.tobytes()
+        if key != self._key:
+            self._key, self._pace = key, pace_terms(self.reach, stand_s, speed_m_s)
+        return approach(self.reach, stand_s, place, cart_m, speed_m_s, along_m, across_m, self._early_s, self._pace)
 
     def corrected(self, place: Array, shift_m: Array) -> Array:
         """The platform takes the correction along, the lean the one across."""

@@ -215,7 +215,7 @@ class CartConfig:
     """How the cart drives, and how its cameras are mounted."""
 
     start_m: float = 0.45
-    """The strip begins this far in front of the platform's middle: the front camera has seen its beginning [assumed]."""
+    """The strip begins this far in front of the platform's middle; the front camera has seen it already [assumed]."""
     camera_ahead_m: float = 0.85
     """Front camera in front of the platform's middle [assumed]."""
     camera_view_m: float = 0.40

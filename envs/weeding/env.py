@@ -42,8 +42,8 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
     - ``candidates`` (K x 11,), a table (``candidate_table`` gives it its two axes), empty rows zero: ``present``,
       ``along`` report minus cart / 0.3 m, ``across`` / 0.2 m, ``leaves`` seconds until it leaves the window / 4 s,
       ``move`` seconds to get there / 0.5 s, ``wait`` seconds until it is within the window then / 0.5 s (normal dose),
-      ``grass`` reported species, one-hot reported stage (cotyledon, two-leaf, four-leaf), ``crop_gap`` reported distance
-      to the nearest crop plant / 0.05 m, at most 4.
+      ``grass`` reported species, one-hot reported stage (cotyledon, two-leaf, four-leaf), ``crop_gap`` reported
+      distance to the nearest crop plant / 0.05 m, at most 4.
     - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed``, ``crop`` (-5 a crop plant that dies), ``time``
@@ -104,8 +104,8 @@ class LaserWeedingSpeedEnv(LaserWeedingEnv):
 
     **Action**, ``Discrete(3 (3 K + 1))``: three blocks of the actions of ``fieldgym/LaserWeeding-v0``: the first holds
     the commanded speed, the second lowers it by a notch of 0.02 m/s while acting, the third raises it. Speeds stay
-    within 0.03 ... 0.27 m/s; the cart takes 0.3 m/s2. The strip begins at the scenario's constant speed. A change of speed
-    may carry a follow beyond the range that the mask has checked by up to the platform's reserve.
+    within 0.03 ... 0.27 m/s; the cart takes 0.3 m/s2. The strip begins at the scenario's constant speed. A change of
+    speed may carry a follow beyond the range that the mask has checked by up to the platform's reserve.
 
     Everything else is as there; the strip takes as long as the cart needs, at most ``time_factor`` times the driving
     time at the scenario's speed.

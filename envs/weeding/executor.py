@@ -66,7 +66,7 @@ class PyBulletWeeder:
         burning = np.zeros(steps + 1, bool)
         works = bool(plan.kind[0] < WAIT)
         if works:
-            first = int(round((steps * dt - float(phases[0, 3])) / dt)) + 1
+            first = round((steps * dt - float(phases[0, 3])) / dt) + 1
             burning[first::_LOOK_EVERY] = True
         reach = config.reach
         report = self._machine.run(cart, poses(reach, beam, cart), reach.target_height_m, burning)

@@ -163,7 +163,7 @@ def draw_plants(scenario: ScenarioConfig, uniform: Array, normal: Array) -> Plan
 
 def _draws(scenario: ScenarioConfig) -> int:
     """Weeds that are drawn on the enlarged area; beyond five standard deviations nothing is kept."""
-    parents, cluster, background = _counts(scenario)
+    parents, _, background = _counts(scenario)
     if not len(parents):
         return max(len(background), scenario.max_weeds)
     mean = scenario.density_per_m2 * (scenario.strip_m + 2.0 * _MARGIN_M) * (scenario.band_m + 2.0 * _MARGIN_M)

@@ -92,13 +92,13 @@ class WeederScene:
     def __init__(
         self, config: WeedingConfig, parameters: WeederParameters, *, window: bool = False, machine: bool = True
     ):
-        """Make the client and the pools; without the ``machine`` the cameras' pictures, where it never is, come faster."""
+        """Make the client and the pools; the cameras' pictures come faster without the ``machine``."""
         self.config, self.parameters = config, parameters
         self._client = PhysicsClient(parameters.physics_hz, gui=window)
         self._machine = WeederMachine(parameters, self._client) if machine else None
         cart = config.cart
         eye_m = parameters.camera_height_m
-        self.front = Camera(480, 384, 2.0 * np.arctan(0.5 * cart.camera_view_m / eye_m), 0.10, 2.0)
+        self.front = Camera(400, 320, 2.0 * np.arctan(0.5 * cart.camera_view_m / eye_m), 0.10, 2.0)
         self.tool = Camera(240, 240, 2.0 * np.arctan(0.05 / config.reach.gap_m), 0.30, 2.0)
         self._pools = self._make_pools()
         red = {"rgbaColor": [1.0, 0.05, 0.05, 0.55], "physicsClientId": self._client.id}
@@ -184,7 +184,7 @@ class WeederScene:
         h, w, _ = rgb.shape
         edge = 0.35 + 0.3 * np.sin(2.1 * float(eye[0]) + self._strip)
         light = np.where(np.arange(w) < edge * w, _SHADE, 1.0)
-        key = (int(round(float(eye[0]) * 1e4)) * 7919 + int(round(float(eye[1]) * 1e4)) + 31 * self._strip) % 2**32
+        key = (round(float(eye[0]) * 1e4) * 7919 + round(float(eye[1]) * 1e4) + 31 * self._strip) % 2**32
         noise = np.random.default_rng(key).standard_normal((h, w, 1), dtype=np.float32) * _SENSOR_NOISE
         return np.clip(rgb * light[:, None] + noise, 0.0, 255.0).astype(np.uint8)
 

@@ -206,6 +206,11 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         self.track_near = np.ones((b, tracks, 2), np.int64)
         self.track_real = np.zeros((b, tracks), bool)
         self.track_feature = np.zeros((b, tracks, len(CANDIDATE_FEATURES)), np.float32)
+        # Views for gathering; the arrays under them are written, never replaced.
+        self._flat_plant, self._flat_track_report = self.plant.reshape(-1, 2), self.track_report.reshape(-1, 2)
+        self._flat_track_aim, self._flat_track_line = self.track_aim.reshape(-1, 2), self.track_line.reshape(-1, 2)
+        self._flat_track_near = self.track_near.reshape(-1, 2)
+        self._flat_track_feature = self.track_feature.reshape(-1, len(CANDIDATE_FEATURES))
         self.track_count = np.zeros(b, np.int64)
         self.slot_track = np.full((b, k), self.capacity)
         self.cursor = np.zeros(b, np.int64)
@@ -329,8 +334,8 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         phases[:, 0], phases[:, 1] = self._move_s.take(flat), self._wait_s.take(flat)
         idle = kind >= WAIT
         place = self._track_offset + track
-        aim = self.track_aim.reshape(-1, 2).take(place, axis=0)
-        shift = aim - self.track_report.reshape(-1, 2).take(place, axis=0)
+        aim = self._flat_track_aim.take(place, axis=0)
+        shift = aim - self._flat_track_report.take(place, axis=0)
         target = self.machine.corrected(self._approach.reshape(-1, self.place.shape[1]).take(flat, axis=0), shift)
         if np.count_nonzero(idle):
             # Waiting keeps the machine near the front edge of the window while the ground passes by.
@@ -347,8 +352,8 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         kind = plan.kind
         works = kind < WAIT
         track = self._track_offset + plan.track
-        near = self.track_near.reshape(-1, 2).take(track, axis=0).take(self._near_column, axis=1) + self._near_offset
-        offset = self.plant.reshape(-1, 2).take(near, axis=0) - outcome.hit[:, None]
+        near = self._flat_track_near.take(track, axis=0).take(self._near_column, axis=1) + self._near_offset
+        offset = self._flat_plant.take(near, axis=0) - outcome.hit[:, None]
         offset *= offset
         before = self.plant_dose.take(near)
         # Idle worlds work far outside, where nothing grows.
@@ -362,7 +367,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         elapsed = np.add.reduce(outcome.phases_s, axis=1)
         energy = self._energy_j.take(kind)
         totals = self.totals
-        booked = np.zeros_like(totals)
+        booked = np.zeros(totals.shape)
         booked[:, _TIME], booked[:, _KILLED], booked[:, _CROP] = elapsed, killed, crops
         booked[:, _ILLEGAL], booked[:, _SHOTS] = kind == NOTHING, works
         booked[:, _BLANKS] = works & ~self.track_real.take(track)
@@ -391,7 +396,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         """What the machine knows: itself, the candidates in the order in which they leave, what it may do."""
         b, k = self.worlds, self.config.slots
         place = self._track_offset[:, None] + self.slot_track
-        feature = self.track_feature.reshape(-1, len(CANDIDATE_FEATURES)).take(place, axis=0)
+        feature = self._flat_track_feature.take(place, axis=0)
         present = feature[..., 0]
         offset = self._along - self.cart[:, None]
         moving = slice(1, self.base_actions - 1, 3)
@@ -472,7 +477,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         listed = np.empty((len(rows), 2 * k), np.int64)
         listed[:, :k] = slots
         listed[:, k:] = cursor[:, None] + self._slots
-        line = self.track_line.reshape(-1, 2).take(offset[:, None] + listed, axis=0)
+        line = self._flat_track_line.take(offset[:, None] + listed, axis=0)
         # Empty places hold NaN: they compare as neither gone nor to come.
         exit_m = (cart - self._exit_m)[:, None]
         kept = line[..., 0] >= exit_m
@@ -483,7 +488,8 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
             kept[:, k:] &= line[:, k:, 1] <= (cart - speed * self._delay_s)[:, None]
         rank = kept.cumsum(axis=1)
         kept &= rank <= k
-        fresh = np.full((len(rows), k), self.capacity)
+        fresh = np.empty((len(rows), k), np.int64)
+        fresh.fill(self.capacity)
         fresh.put((self._slot_offset[: len(rows), None] + rank - 1)[kept], listed[kept])
         # Tracks that left while the slots were full are passed over.
         cursor = cursor + (np.add.reduce(kept[:, k:], axis=1) + np.add.reduce(gone, axis=1))
@@ -501,7 +507,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         if not every:
             slots, offset, place = slots.take(rows, axis=0), offset.take(rows), place.take(rows, axis=0)
             cart, speed = cart.take(rows), speed.take(rows)
-        report = self.track_report.reshape(-1, 2).take(offset[:, None] + slots, axis=0)
+        report = self._flat_track_report.take(offset[:, None] + slots, axis=0)
         along, across = report[..., 0].copy(), report[..., 1].copy()
         found = self.machine.approach(self._stand_s, place, cart, speed, along, across)
         legal = found.legal & (slots < self.capacity)[..., None]
