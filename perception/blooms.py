@@ -21,7 +21,8 @@ class BloomConfig:
         min_value: below it deep shade.
         range_m: depths at which heads can be; pots and soil lie beyond.
         min_area_m2: smaller patches are no head.
-        head_area_m2: filaments of an average tuft seen from above (identified on rendered tufts of 47.85 mm spread).
+        head_area_m2: filaments of an average tuft seen from above (identified: median of the unhidden tufts in
+            rendered pots).
         head_spread_m: spread of that tuft (published mean).
         depth_step_m: a larger step between neighbouring pixels separates two heads.
         split_share: cores of touching tufts are where the distance to the edge exceeds this share of the largest.
@@ -35,7 +36,7 @@ class BloomConfig:
     min_value: int = 50
     range_m: tuple[float, float] = (0.30, 0.74)
     min_area_m2: float = 2.5e-4
-    head_area_m2: float = 1.05e-3
+    head_area_m2: float = 8.5e-4
     head_spread_m: float = 0.04785
     depth_step_m: float = 0.012
     split_share: float = 0.62
