@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 
 def main(
-    suite: Annotated[str, typer.Option(help="quick: the papers' protocols in PyBullet, minutes. full: all.")] = "quick",
+    suite: Annotated[
+        str, typer.Option(help="quick: a few seeds in PyBullet, minutes. full: every scenario, an hour.")
+    ] = "quick",
     env: Annotated[str | None, typer.Option(metavar="ID", help="Only this environment; see fieldgym list.")] = None,
     policies: Annotated[
         str | None, typer.Option(metavar="A,B", help="Only these policies; keep the reference for differences.")
