@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import fieldgym
-from fieldgym.envs import ENV_IDS, describe
+from fieldgym.envs import ENV_IDS, describe, register
 
 MODES = ("NextStep", "SameStep")
 BOTH = [(env_id, backend) for env_id in ENV_IDS for backend in describe(env_id).backends]
@@ -48,7 +47,7 @@ def trajectory_hash(env_id: str, backend: str, seeds: range = range(8), decision
 
 @pytest.mark.parametrize("env_id", ENV_IDS)
 def test_registration_is_idempotent_and_named_module_works(env_id):
-    fieldgym.envs.register()
+    register()
     env = gym.make("fieldgym:" + env_id, backend="analytic")
     assert env.spec is not None and env.spec.id == env_id
     assert gym.spec(env_id).to_json()
