@@ -6,6 +6,7 @@ its names, its shapes and its numbers are checked before anything is computed wi
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import os
@@ -116,7 +117,7 @@ class LearnedPolicy(StatelessPolicy):
         pooled = np.concatenate([mean, there.max(axis=1), machine, count / np.float32(layout.candidates)], axis=1)
         context = np.maximum(pooled @ w["encoder.context.weight"] + w["encoder.context.bias"], 0.0)
         joined = code @ w["own.weight"] + w["own.bias"] + (context @ w["shared.weight"])[:, None]
-        slots = np.maximum(joined, 0.0) @ w["options.weight"] + w["options.bias"]
+        slots = (np.maximum(joined, 0.0) @ w["options.weight"] + w["options.bias"]) * present
         extras = context @ w["extras.weight"] + w["extras.bias"]
         return layout.join(slots, extras, np.concatenate)
 
@@ -208,6 +209,11 @@ def shipped(env_id: str, scenario: str | None = None) -> Path | None:
     if not there:
         return None
     return there.get(scenario or "", next(iter(there.values())))
+
+
+def task_digest(env: Any) -> str:
+    """Digest of every number of a task's configuration: a policy's card says with it what it was trained on."""
+    return hashlib.sha256(repr(env.unwrapped.core.config).encode()).hexdigest()[:16]
 
 
 def _read_card(path: Path) -> dict[str, Any]:

@@ -21,31 +21,43 @@ MASKED = -1e8
 
 
 class SetEncoder(nn.Module):
-    """Codes of the candidates (B, K, H) and a context (B, H)."""
+    """Codes of the candidates that are there (N, H), and a context (B, H).
+
+    Most slots of most observations are empty; only the taken ones are computed.
+    """
 
     def __init__(self, layout: Layout, hidden: int):
         """Make the layers."""
         super().__init__()
-        self.layout = layout
+        self.layout, self.hidden = layout, hidden
         self.candidate = nn.Linear(layout.features, hidden)
         self.machine = nn.Linear(layout.machine, hidden, bias=False)
         self.second = nn.Linear(hidden, hidden)
         self.context = nn.Linear(2 * hidden + layout.machine + 1, hidden)
 
-    def forward(self, machine: Tensor, candidates: Tensor) -> tuple[Tensor, Tensor]:
-        """Encode machine (B, m) and candidates (B, K, F)."""
-        present = (candidates[..., :1] > 0.0).to(candidates.dtype)
-        code = torch.relu(self.candidate(candidates) + self.machine(machine)[:, None])
+    def forward(self, machine: Tensor, candidates: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Encode machine (B, m) and candidates (B, K, F).
+
+        Returns:
+            Codes (N, H), the world of each (N,), its place among the B K slots (N,), and the context (B, H).
+        """
+        slots = self.layout.candidates
+        flat = candidates.reshape(-1, self.layout.features)
+        place = (flat[:, 0] > 0.0).nonzero()[:, 0]
+        world = torch.div(place, slots, rounding_mode="floor")
+        code = torch.relu(self.candidate(flat.index_select(0, place)) + self.machine(machine).index_select(0, world))
         code = torch.relu(self.second(code))
-        there = code * present
-        count = present.sum(dim=1)
-        mean = there.sum(dim=1) / count.clamp(min=1.0)
-        pooled = torch.cat([mean, there.amax(dim=1), machine, count / self.layout.candidates], dim=1)
-        return code, torch.relu(self.context(pooled))
+        nothing = code.new_zeros(len(machine), self.hidden)
+        count = code.new_zeros(len(machine)).index_add(0, world, code.new_ones(len(place)))[:, None]
+        mean = nothing.index_add(0, world, code) / count.clamp(min=1.0)
+        # Codes are not negative, so a maximum that begins at zero is that of the codes.
+        most = nothing.scatter_reduce(0, world[:, None].expand(-1, self.hidden), code, "amax")
+        pooled = torch.cat([mean, most, machine, count / slots], dim=1)
+        return code, world, place, torch.relu(self.context(pooled))
 
 
 class SetActor(nn.Module):
-    """Logits (B, actions)."""
+    """Logits (B, actions); those of empty slots are zero."""
 
     def __init__(self, layout: Layout, hidden: int):
         """Make the layers."""
@@ -59,9 +71,11 @@ class SetActor(nn.Module):
 
     def forward(self, machine: Tensor, candidates: Tensor) -> Tensor:
         """Logits of machine (B, m) and candidates (B, K, F)."""
-        code, context = self.encoder(machine, candidates)
-        joined = torch.relu(self.own(code) + self.shared(context)[:, None])
-        return self.layout.join(self.options(joined), self.extras(context), torch.cat)
+        b, slots = len(machine), self.layout.candidates
+        code, world, place, context = self.encoder(machine, candidates)
+        options = self.options(torch.relu(self.own(code) + self.shared(context).index_select(0, world)))
+        spread = options.new_zeros(b * slots, options.shape[1]).index_copy(0, place, options)
+        return self.layout.join(spread.view(b, slots, -1), self.extras(context), torch.cat)
 
 
 class SetCritic(nn.Module):
@@ -76,7 +90,7 @@ class SetCritic(nn.Module):
 
     def forward(self, machine: Tensor, candidates: Tensor) -> Tensor:
         """Value of machine (B, m) and candidates (B, K, F)."""
-        _, context = self.encoder(machine, candidates)
+        *_, context = self.encoder(machine, candidates)
         return self.value(torch.relu(self.second(context)))
 
 

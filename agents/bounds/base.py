@@ -1,0 +1,31 @@
+"""What a bound says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+METHODS = ("relaxation", "cp-sat")
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What no policy can beat on one instance; the three figures need not be reachable together.
+
+    Attributes:
+        net_rate: largest net rate.
+        episode_return: largest sum of rewards.
+        cycle_time_s: shortest cycle time of an episode that reaches ``net_rate``.
+        method: what was relaxed, in words.
+        proven: whether ``net_rate`` and ``episode_return`` are optima of the instance up to the solver's rounding, not
+            only bounds.
+        gap: relative gap between the best solution found and the bound, the larger of the two; NaN without a solver.
+        wall_s: seconds that it took.
+    """
+
+    net_rate: float
+    episode_return: float
+    cycle_time_s: float
+    method: str
+    proven: bool
+    gap: float
+    wall_s: float

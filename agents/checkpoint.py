@@ -1,0 +1,149 @@
+"""The whole state of a training run in one file of plain tensors, so that a run that was killed goes on as it was.
+
+Weights and optimiser, every array of the environment's rules, every world's generator and the learner's own: after a
+restore the run takes the same decisions that it would have taken. The file is read with ``weights_only``: no code in
+it can run.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from .sb3 import NativeVecEnv
+
+FORMAT = 1
+
+
+class CheckpointError(ValueError):
+    """A checkpoint cannot be used; the message says why and what to do."""
+
+
+def write(path: Path, model: Any, env: NativeVecEnv, run: dict[str, Any]) -> None:
+    """Write the state between two updates, to a temporary name first.
+
+    Args:
+        path: the file.
+        model: SB3's learner.
+        env: its environment.
+        run: JSON values of the run itself: settings, curve, best score, clocks.
+    """
+    # SB3 shuffles its minibatches with NumPy's global generator.
+    kind, keys, position, has_gauss, gauss = np.random.get_state()  # noqa: NPY002
+    state = {
+        "format": FORMAT,
+        "policy": model.policy.state_dict(),
+        "optimizer": model.policy.optimizer.state_dict(),
+        "torch_generator": torch.get_rng_state(),
+        "numpy_keys": torch.from_numpy(np.asarray(keys).astype(np.int64)),
+        "core": _arrays(env.native.core),
+        "executor": _arrays(env.native.executor),
+        "face": _arrays(env.native),
+        "env": _arrays(env),
+        "last_obs": {name: _tensor(values) for name, values in model._last_obs.items()},
+        "last_starts": _tensor(model._last_episode_starts),
+        "text": json.dumps(
+            {
+                "numpy": [kind, position, has_gauss, gauss],
+                "generators": [_generator_state(g) for g in env.native.np_random],
+                "num_timesteps": model.num_timesteps,
+                "n_updates": model._n_updates,
+                "episodes": list(model.ep_info_buffer or ()),
+                "run": run,
+            }
+        ),
+    }
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as file:
+            torch.save(state, file)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Read a checkpoint; its run's own values are under ``"text"`` as parsed JSON.
+
+    Raises:
+        CheckpointError: it is missing, damaged or of another version.
+    """
+    try:
+        state = torch.load(path, weights_only=True, map_location="cpu")
+        state["text"] = json.loads(state["text"])
+        version = state["format"]
+    except FileNotFoundError:
+        raise CheckpointError(f"there is no checkpoint {path}: start without --resume") from None
+    except Exception as error:  # torch.load raises many kinds for damaged files
+        reason = str(error).split("\n", 1)[0]
+        raise CheckpointError(f"{path} is damaged ({reason}): start without --resume") from None
+    if version != FORMAT:
+        raise CheckpointError(f"{path} has format {version}, this version reads {FORMAT}: start without --resume")
+    return state
+
+
+def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
+    """Put a learner and its environment, made with the same settings, where the checkpoint was written.
+
+    Raises:
+        CheckpointError: the environment or the network is not the one that the checkpoint was written with.
+    """
+    text = state["text"]
+    # Caches of the rules are None when they are made; they are worked out again from the restored arrays.
+    caches = [name for name, value in vars(env.native.core).items() if value is None]
+    env.reset()
+    native = env.native
+    for owner, key in ((native.core, "core"), (native.executor, "executor"), (native, "face"), (env, "env")):
+        _put(owner, state[key], key)
+    for name in caches:
+        setattr(env.native.core, name, None)
+    for generator, saved in zip(env.native.np_random, text["generators"], strict=True):
+        if generator is not None:
+            generator.bit_generator.state = saved
+    try:
+        model.policy.load_state_dict(state["policy"])
+        model.policy.optimizer.load_state_dict(state["optimizer"])
+    except (RuntimeError, ValueError) as error:
+        reason = str(error).split("\n", 1)[0]
+        raise CheckpointError(f"the checkpoint holds another network ({reason}): start without --resume") from None
+    model._last_obs = {name: values.numpy() for name, values in state["last_obs"].items()}
+    model._last_episode_starts = state["last_starts"].numpy()
+    model.num_timesteps, model._n_updates = text["num_timesteps"], text["n_updates"]
+    model._restored_episodes = text["episodes"]
+    torch.set_rng_state(state["torch_generator"])
+    kind, position, has_gauss, gauss = text["numpy"]
+    keys = state["numpy_keys"].numpy().astype(np.uint32)
+    np.random.set_state((kind, keys, position, has_gauss, gauss))  # noqa: NPY002
+
+
+def _arrays(owner: object) -> dict[str, torch.Tensor]:
+    return {name: _tensor(v) for name, v in vars(owner).items() if isinstance(v, np.ndarray) and v.dtype != object}
+
+
+def _tensor(values: Any) -> torch.Tensor:
+    return torch.from_numpy(np.array(values))
+
+
+def _put(owner: object, saved: dict[str, torch.Tensor], what: str) -> None:
+    now = {name for name, v in vars(owner).items() if isinstance(v, np.ndarray) and v.dtype != object}
+    if now != set(saved):
+        odd = sorted(now ^ set(saved))
+        raise CheckpointError(f"the checkpoint's {what} does not fit ({', '.join(odd[:3])}): start without --resume")
+    for name, values in saved.items():
+        array = getattr(owner, name)
+        if array.shape != tuple(values.shape):
+            raise CheckpointError(f"the checkpoint's {what}.{name} does not fit: start without --resume")
+        if array.flags.writeable:
+            # In place: one array may be a view of another.
+            array[...] = values.numpy()
+
+
+def _generator_state(generator: np.random.Generator | None) -> Any:
+    return None if generator is None else generator.bit_generator.state

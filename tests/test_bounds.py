@@ -1,0 +1,158 @@
+"""No policy beats a bound; on toys it is what brute force finds."""
+
+import copy
+from dataclasses import replace
+from itertools import pairwise, permutations, product
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fieldgym.agents import bounds, make_policy, policy_names
+from fieldgym.agents.bounds import base, safflower, stops
+from fieldgym.agents.evaluation import evaluate
+from fieldgym.envs.safflower.config import SCENARIOS, PerceptionModel, SafflowerConfig
+from fieldgym.envs.safflower.task import PickerOutcome, SafflowerCore
+
+ID = "fieldgym/SafflowerPicking-v0"
+SEEDS = range(4)
+EXACT = 1e-9
+
+
+def toy(seed: int, heads: int = 3, time_limit_s: float = 900.0) -> SafflowerCore:
+    """Two small pots with at most three heads in all, a camera that errs, and a time limit."""
+    scenario = replace(
+        SCENARIOS["pots"], plants=2, max_heads=2, mean_heads=1.5, time_limit_s=time_limit_s, camera_fit="pots"
+    )
+    perception = replace(PerceptionModel.perfect(), sigma_m=(0.005, 0.005, 0.005), false_per_stop=0.3)
+    for number in range(100):
+        core = SafflowerCore(SafflowerConfig(scenario=scenario, slots=4), perception, 1)
+        core.reset_rows(np.array([0]), [np.random.default_rng(1000 * seed + number)])
+        if int(core.first[0, -1]) == heads:
+            return core
+    raise AssertionError("no toy has so many reports")
+
+
+def best_by_trying(core: SafflowerCore) -> tuple[float, float, float]:
+    """Largest return and net rate, and shortest cycle time at that net rate, over all sequences of legal actions."""
+    best_return, best_rate, cycles = -np.inf, -np.inf, []
+
+    def go_on(state: SafflowerCore, total: float) -> None:
+        nonlocal best_return, best_rate
+        for action in np.flatnonzero(state.observe()["action_mask"][0]):
+            child = copy.deepcopy(state)
+            plan = child.plan(np.array([action]))
+            result = child.apply(plan, PickerOutcome(plan.phases_s, plan.target))
+            value = total + float(result.rewards.sum())
+            scores = dict(zip(child.score_names, child.scores()[0], strict=True))
+            cycles.append((scores["net_rate"], scores["cycle_time_s"], scores["done"]))
+            if result.terminated[0] or result.truncated[0]:
+                best_return, best_rate = max(best_return, value), max(best_rate, scores["net_rate"])
+            else:
+                go_on(child, value)
+
+    go_on(core, 0.0)
+    shortest = min(cycle for rate, cycle, done in cycles if done and rate >= best_rate - 1e-9)
+    return best_return, best_rate, shortest
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_haste_the_bound_is_what_trying_everything_finds(seed):
+    core = toy(seed)
+    bound = safflower.instance_of(core).bound()
+    most, rate, cycle_s = best_by_trying(core)
+    assert bound.proven and bound.gap == 0.0
+    assert bound.episode_return == pytest.approx(most, abs=EXACT)
+    assert bound.net_rate == pytest.approx(rate, abs=EXACT)
+    assert cycle_s - 0.6 < bound.cycle_time_s <= cycle_s + EXACT
+
+
+@pytest.mark.parametrize("time_limit_s", [12.0, 25.0, 40.0])
+def test_in_haste_the_solver_finds_what_trying_everything_finds(time_limit_s):
+    pytest.importorskip("ortools")
+    core = toy(7, time_limit_s=time_limit_s)
+    instance = safflower.instance_of(core)
+    relaxed, solved = instance.bound(), instance.bound("cp-sat", 20.0)
+    most, rate, cycle_s = best_by_trying(core)
+    assert solved.proven
+    assert most - EXACT <= solved.episode_return <= relaxed.episode_return + EXACT
+    assert rate - EXACT <= solved.net_rate <= relaxed.net_rate + EXACT
+    assert solved.net_rate == pytest.approx(rate, abs=1e-4)
+    assert solved.episode_return == pytest.approx(most, abs=1e-3)
+    assert solved.cycle_time_s <= cycle_s + EXACT
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_no_policy_beats_the_bound(scenario):
+    instances = [bounds.instance(ID, seed, scenario=scenario) for seed in SEEDS]
+    found = [instance.bound() for instance in instances]
+    loose = [bounds.instance(ID, seed, scenario=scenario, backend="pybullet").bound() for seed in SEEDS]
+    for any_reports, drawn in zip(loose, found, strict=True):
+        assert any_reports.net_rate >= drawn.net_rate - EXACT
+        assert any_reports.episode_return >= drawn.episode_return - EXACT
+        assert not any_reports.proven and 0.0 < drawn.net_rate <= 1.0
+    for name in policy_names(ID):
+
+        def make(env: Any, name: str = name) -> Any:
+            return make_policy(name, env, 1)
+
+        scores = evaluate(make, ID, SEEDS, scenario=scenario)
+        for i, (instance, bound) in enumerate(zip(instances, found, strict=True)):
+            rate, done = scores.scorecard["net_rate"][i], scores.scorecard["done"][i]
+            assert rate <= bound.net_rate + EXACT, name
+            assert scores.returns[i] <= bound.episode_return + EXACT, name
+            assert not done or scores.scorecard["cycle_time_s"][i] >= instance.cycle_time_at(rate - EXACT) - EXACT
+
+
+def test_a_bound_that_a_machine_beats_is_noticed():
+    """The check above can fail: a machine that needs no time to find heads does beat the bound of one that does."""
+    config = SafflowerConfig(scenario=SCENARIOS["row-dense"])
+    cheating = replace(config, process=replace(config.process, locate_s=0.0))
+    rates = evaluate(lambda env: make_policy("nearest", env), ID, SEEDS, config=cheating).scorecard["net_rate"]
+    honest = [bounds.instance(ID, seed, config=config).bound().net_rate for seed in SEEDS]
+    assert max(rates - np.array(honest)) > 0.0
+
+
+def some_stop(n: int, seed: int) -> stops.Stop:
+    rng = np.random.default_rng(seed)
+    places = rng.random((n + 1, 2))
+    approach = np.linalg.norm(places[:, None] - places[None, 1:], axis=-1)
+    return stops.Stop(
+        gain=rng.random((n, 2)),
+        other=np.zeros((n, 2)),
+        process_s=0.5 + rng.random((n, 2)),
+        approach_s=approach,
+        leave_s=rng.random(n + 1),
+    )
+
+
+@pytest.mark.parametrize("price", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("n", [0, 1, 4])
+def test_a_stop_s_best_route_is_what_trying_every_route_finds(n, price):
+    stop = some_stop(n, n)
+    best_stay, best_through = 0.0, -price * stop.leave_s[0]
+    for count in range(1, n + 1):
+        for order in permutations(range(n), count):
+            for ways in product(range(2), repeat=count):
+                time_s = stop.approach_s[0, order[0]] + sum(stop.approach_s[a + 1, b] for a, b in pairwise(order))
+                time_s += sum(stop.process_s[j, e] for j, e in zip(order, ways, strict=True))
+                value = sum(stop.gain[j, e] for j, e in zip(order, ways, strict=True)) - price * time_s
+                best_stay = max(best_stay, value)
+                best_through = max(best_through, value - price * stop.leave_s[order[-1] + 1])
+    assert stop.best(stop.gain, price) == pytest.approx((best_through, best_stay))
+    through, stay = replace(stop, routed=False).best(stop.gain, price)
+    assert through >= best_through - EXACT and stay >= best_stay - EXACT
+
+
+def test_bounds_are_for_fresh_instances_of_known_tasks():
+    env: Any = gym.make_vec(ID, 1, vectorization_mode="vector_entry_point")
+    env.reset(seed=0)
+    env.step(np.array([0]))
+    with pytest.raises(ValueError, match="under way"):
+        safflower.instance_of(env.unwrapped.core)
+    with pytest.raises(ValueError, match="relaxation, cp-sat"):
+        bounds.instance(ID, 0).bound("guess")
+    with pytest.raises(ValueError, match="unknown"):
+        bounds.instance("fieldgym/Nothing-v0", 0)
+    assert base.METHODS == bounds.METHODS and ID in bounds.bounded_ids()
