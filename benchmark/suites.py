@@ -153,14 +153,24 @@ def suite(name: str) -> Suite:
     cases = []
     for env_id in ENV_IDS:
         task, policies, reference = describe(env_id), tuple(policy_names(env_id)), reference_policy(env_id)
-        headline = Condition(env_id, task.headline_scenario, "pybullet", default_perception(env_id, "pybullet"))
-        if name == "quick":
-            episodes = QUICK_WITH_CAMERA.get(env_id, QUICK_EPISODES)
-            seen = headline if env_id in QUICK_WITH_CAMERA else replace(headline, perception="model")
-            cases.append(Case(seen, policies, reference, tuple(range(episodes))))
-            continue
-        for scenario in task.scenarios:
-            computed = Condition(env_id, scenario, "analytic", default_perception(env_id, "analytic"))
-            cases.append(Case(computed, policies, reference, tuple(range(FULL_EPISODES))))
-        cases.append(Case(headline, policies, reference, tuple(range(FULL_PYBULLET_EPISODES))))
+
+        def case(
+            scenario: str,
+            backend: str,
+            episodes: int,
+            env_id: str = env_id,
+            policies: tuple[str, ...] = policies,
+            reference: str = reference,
+            perception: str | None = None,
+        ) -> Case:
+            condition = Condition(env_id, scenario, backend, perception or default_perception(env_id, backend))
+            return Case(condition, policies, reference, tuple(range(episodes)))
+
+        first = env_id == ENV_IDS[0]
+        if name == "full":
+            cases += [case(scenario, "analytic", FULL_EPISODES) for scenario in task.scenarios]
+            episodes = FULL_PYBULLET_EPISODES
+        else:
+            episodes = QUICK_EPISODES if first else QUICK_TOUR_EPISODES
+        cases.append(case(task.headline_scenario, "pybullet", episodes, perception=None if first else "model"))
     return Suite(name, tuple(cases))
