@@ -8,6 +8,7 @@ from typing import Any
 
 from ..envs import describe
 from .policy import Policy, RandomPolicy
+from .portable import LEARNED, load_for, shipped
 
 Factory = Callable[[Any, int], Policy]
 
@@ -101,7 +102,8 @@ def policy_names(env_id: str) -> tuple[str, ...]:
     Raises:
         ValueError: unknown environment.
     """
-    return tuple(_POLICIES[describe(env_id).id]())
+    learned = (LEARNED,) if shipped(describe(env_id).id) else ()
+    return (*_POLICIES[env_id](), *learned)
 
 
 def reference_policy(env_id: str) -> str:
@@ -124,8 +126,13 @@ def make_policy(name: str, env: Any, seed: int = 0) -> Policy:
     if spec is None:
         raise ValueError("the environment has no spec: make it with gymnasium.make or gymnasium.make_vec")
     factories = _POLICIES[describe(spec.id).id]()
+    path = shipped(spec.id, spec.kwargs.get("scenario") or describe(spec.id).headline_scenario)
+    if name == LEARNED and path is not None:
+        return load_for(path, env)
     if name not in factories:
         near = get_close_matches(name, factories, n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        raise ValueError(f"policy {name!r} is unknown for {spec.id}: {hint}choose one of {', '.join(factories)}")
+        raise ValueError(
+            f"policy {name!r} is unknown for {spec.id}: {hint}choose one of {', '.join(policy_names(spec.id))}"
+        )
     return factories[name](env.unwrapped.core.config, seed)

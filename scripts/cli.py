@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import fieldgym
-from fieldgym.scripts import benchmark, reproduce, run
+from fieldgym.scripts import benchmark, evaluate, reproduce, run, train
 from fieldgym.scripts.common import execute
 
 app = typer.Typer(
@@ -21,6 +21,8 @@ app = typer.Typer(
 app.command("run")(run.main)
 app.command("benchmark")(benchmark.main)
 app.command("reproduce")(reproduce.main)
+app.command("train")(train.main)
+app.command("evaluate")(evaluate.main)
 
 
 def _show_version(wanted: bool) -> None:

@@ -1,0 +1,154 @@
+"""``fieldgym train``: learn a policy, watch it learn, and go on after an interruption."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fieldgym.scripts.common import (
+    INTERRUPTED,
+    CommandError,
+    at_least_one,
+    chosen,
+    environment_id,
+    execute,
+    writable_folder,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from fieldgym.agents.training import Progress
+
+PLAIN_EVERY = 10
+"""Updates between two lines where nothing can be redrawn, as in a log file."""
+
+
+def main(
+    env: Annotated[str, typer.Argument(metavar="ID", help="An environment; see fieldgym list.", show_default=False)],
+    algo: Annotated[str | None, typer.Option(help="maskable-ppo or ppo; by default what is tuned.")] = None,
+    scenario: Annotated[str | None, typer.Option(help="By default the environment's headline scenario.")] = None,
+    config: Annotated[Path | None, typer.Option(metavar="FILE", help="YAML with settings of your own.")] = None,
+    steps: Annotated[int | None, typer.Option(help="Decisions to learn from; by default what is tuned.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the run.")] = 0,
+    threads: Annotated[int | None, typer.Option(help="PyTorch threads; by default one a core.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="By default results/train/NAME-SCENARIO-SEED.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the folder's checkpoint.")] = False,
+) -> None:
+    """Train a policy on the analytic backend with a checkpoint after every update.
+
+    Stop with Ctrl-C, or lose the machine: --resume goes on as if nothing had happened. best.npz is the policy; see
+    what it scores with fieldgym evaluate.
+
+    Try:
+
+      fieldgym train SafflowerPicking --scenario row
+
+      fieldgym train SafflowerPicking --scenario row --resume
+
+      tensorboard --logdir results/train
+    """
+    from rich.console import Console
+
+    from fieldgym.agents.train_settings import ALGORITHMS, tuned
+    from fieldgym.envs import describe
+
+    env_id = environment_id(env)
+    task = describe(env_id)
+    if algo is not None:
+        chosen(algo, ALGORITHMS, "algorithm")
+    if scenario is not None:
+        chosen(scenario, task.scenarios, f"scenario of {env_id}")
+    if steps is not None:
+        at_least_one(steps, "--steps")
+    if threads is not None:
+        at_least_one(threads, "--threads")
+    if not 0 <= seed < 100_000:
+        raise CommandError(f"--seed {seed}: give 0 to 99999")
+    try:
+        import stable_baselines3  # noqa: F401
+        import torch  # noqa: F401
+        import yaml  # noqa: F401
+        from sb3_contrib import MaskablePPO  # noqa: F401
+        from torch.utils.tensorboard import SummaryWriter  # noqa: F401
+    except ImportError as error:
+        raise CommandError(f'training needs {error.name}: pip install "fieldgym[rl]"') from None
+    try:
+        settings = tuned(env_id, scenario, config, algo=algo, steps=steps)
+    except ValueError as error:
+        raise CommandError(str(error)) from None
+    name = env_id.split("/")[-1]
+    folder = writable_folder(out or Path("results/train") / f"{name}-{settings.scenario}-{seed}", "--out")
+    _train(Console(highlight=False), env_id, settings, folder, seed, threads, resume)
+
+
+def _train(
+    console: Console, env_id: str, settings: Any, folder: Path, seed: int, threads: int | None, resume: bool
+) -> None:
+    from fieldgym.agents.checkpoint import CheckpointError
+    from fieldgym.agents.training import STATE, train
+
+    if not resume and (folder / STATE).exists():
+        raise CommandError(f"{folder} holds a run already: go on with --resume, or choose another folder with --out")
+    console.print(f"{env_id}, {settings.scenario}: {settings.algo}, {settings.steps:,} decisions, into {folder}")
+    try:
+        with _shown(console) as show:
+            result = train(env_id, settings, folder, seed=seed, resume=resume, threads=threads, on_update=show)
+    except CheckpointError as error:
+        raise CommandError(str(error)) from None
+    except OSError as error:
+        raise CommandError(f"cannot write to {folder} ({error.strerror}): choose another folder with --out") from None
+    except KeyboardInterrupt:
+        typer.echo(f"fieldgym: stopped; the last update's checkpoint is in {folder}. Go on with --resume", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    console.print(result.progress.split())
+    for point in result.curve[-1:]:
+        console.print(_held_out(point))
+    console.print(f"Policy: {result.best}; see fieldgym evaluate {env_id} --policy {result.best}", soft_wrap=True)
+
+
+@contextmanager
+def _shown(console: Console) -> Iterator[Any]:
+    """A bar on a terminal, a line now and then anywhere else."""
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+    bar = Bar(*columns, TextColumn("{task.description}"), console=console, disable=not console.is_terminal)
+    task = bar.add_task("collecting", total=None)
+
+    def show(progress: Progress) -> None:
+        bar.update(task, total=progress.total, completed=progress.steps, description=_latest(progress))
+        if not console.is_terminal and progress.updates % PLAIN_EVERY == 0:
+            left_s = (progress.total - progress.steps) * progress.wall_s / max(progress.steps, 1)
+            console.print(f"  {progress.steps:>10,}  {_latest(progress)}, {max(left_s, 0.0):.0f} s left")
+
+    with bar:
+        yield show
+
+
+def _latest(progress: Progress) -> str:
+    if math.isnan(progress.returns):
+        return "no episode has ended yet"
+    text = f"reward {progress.returns:.3f}, net rate {progress.net_rate:.3f}, cycle {progress.cycle_time_s:.2f} s"
+    return text + (f"; held-out reward {progress.held_out['return']:.3f}" if progress.held_out else "")
+
+
+def _held_out(point: dict[str, float]) -> str:
+    return (
+        f"Held-out seeds after {point['steps']:,.0f} decisions: reward {point['return']:.3f}, net rate "
+        f"{point['net_rate']:.4f}, cycle time {point['cycle_time_s']:.2f} s"
+    )
+
+
+if __name__ == "__main__":
+    app = typer.Typer(add_completion=False)
+    app.command()(main)
+    execute(app, "python scripts/train.py")
