@@ -58,10 +58,16 @@ def run_protocol(process: ProcessConfig, worlds: int, perception: str = "model")
     over = np.zeros(worlds, bool)
     scores = np.zeros((worlds, len(core.score_names)))
     gained = np.zeros_like(mass)
+    rows, grams = np.arange(worlds), core.score_names.index("collected_g")
     while not over.all():
-        observation, _, terminated, truncated, _ = env.step(policy.act(observation))
+        actions = policy.act(observation)
+        head = core.track_head[rows, core.slot_track[rows, actions // 3]]
+        before = core.scores()[:, grams]
+        observation, _, terminated, truncated, _ = env.step(actions)
+        picked = ~over & (head < mass.shape[1])
+        gained[rows[picked], head[picked]] += (core.scores()[:, grams] - before)[picked]
         ended = ~over & (terminated | truncated)
-        scores[ended], gained[ended] = core.scores()[ended], core.head_gained_g[ended, :-1]
+        scores[ended] = core.scores()[ended]
         over |= ended
     per_group = POTS_IN_GROUP * core.config.scenario.max_heads
     groups = gained.reshape(worlds, -1, per_group).sum(axis=2) / mass.reshape(worlds, -1, per_group).sum(axis=2)

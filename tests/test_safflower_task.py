@@ -17,7 +17,7 @@ from fieldgym.envs.safflower.config import (
     ProcessConfig,
     SafflowerConfig,
 )
-from fieldgym.envs.safflower.process import collected_share, cut_share
+from fieldgym.envs.safflower.process import collected_share, cut_share, dropped_share
 from fieldgym.envs.safflower.scenario import draw_heads, fixed_order, reach_table, stop_centres
 from fieldgym.envs.safflower.task import (
     _MISSED,
@@ -42,7 +42,7 @@ def toy(places: list[tuple[float, float, float]], **changes) -> SafflowerCore:
     core = SafflowerCore(config, None, 1)
     core.reset_rows(np.array([0]), [np.random.default_rng(0)])
     core.head_mass_g[:] = 0.0
-    core.head_luck[:] = 0.0
+    core.head_odds[:] = 1.0
     n = len(places)
     position = np.array(places).reshape(-1, 3)
     core.head_position[0, :n] = position - core.frame
@@ -145,7 +145,7 @@ def test_the_field_does_not_depend_on_the_camera(scenario):
         env: Any = gym.make(ID, backend="analytic", scenario=scenario, perception=perception)
         env.reset(seed=3)
         core = env.unwrapped.core
-        fields.append((core.head_position.copy(), core.head_mass_g.copy(), core.head_luck.copy()))
+        fields.append((core.head_position.copy(), core.head_mass_g.copy(), core.head_odds.copy()))
     assert all(np.array_equal(a, b) for a, b in zip(*fields, strict=True))
 
 
@@ -217,17 +217,18 @@ def test_reach_table_agrees_with_the_mechanism():
     luck=st.floats(-3.0, 3.0),
 )
 def test_more_strokes_cut_more_and_more_error_cuts_less(strokes, error, luck):
-    offset, z = np.array([error]), np.array([luck])
-    share = cut_share(PROCESS, strokes, offset, z)[0]
+    offset, odds = np.array([error]), np.exp(np.array([luck]))
+    share = cut_share(PROCESS, strokes, offset, odds)[0]
     assert 0.0 <= share <= 1.0
-    assert cut_share(PROCESS, strokes + 1, offset, z)[0] >= share
-    assert cut_share(PROCESS, strokes, 1.1 * offset, z)[0] <= share
-    assert collected_share(PROCESS, 2.0, z)[0] >= collected_share(PROCESS, 1.0, z)[0]
+    assert cut_share(PROCESS, strokes + 1, offset, odds)[0] >= share
+    assert cut_share(PROCESS, strokes, 1.1 * offset, odds)[0] <= share
+    long, short = (collected_share(dropped_share(PROCESS, s), odds)[0] for s in (2.0, 1.0))
+    assert long >= short
 
 
 def test_outside_the_shear_hole_nothing_is_cut():
     far = np.array([[PROCESS.capture_radius_m * 1.001, 0.0, 0.0]])
-    assert cut_share(PROCESS, 3, far, np.zeros(1))[0] == 0.0
+    assert cut_share(PROCESS, 3, far, np.ones(1))[0] == 0.0
 
 
 @pytest.mark.parametrize("name", policy_names(ID))

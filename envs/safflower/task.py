@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...motion import QUINTIC
 from ..core import COMMON_SCORES, Array, Rows, StepResult, TaskCore
 from .config import EFFORTS, STAGES, PerceptionModel, SafflowerConfig
-from .process import collected_share, cut_share
+from .process import collected_share, cut_share, dropped_share
 from .scenario import (
     Tracks,
     draw_blocks,
@@ -117,6 +117,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self._process_phases_s[:3, 4] = np.array(process.strokes) * process.stroke_m / process.shear_speed
         self._process_phases_s[:3, 5] = process.suction_s
         self._strokes = np.array([*process.strokes, 0, 0, 0], float)
+        self._dropped = dropped_share(process, self._process_phases_s[:, 5])
         self._velocity = np.array([picker.tool_velocity_m_s] * 3 + [picker.cart_velocity_m_s])
         self._acceleration = np.array([picker.tool_acceleration_m_s2] * 3 + [picker.cart_acceleration_m_s2])
         self._beside_velocity, self._beside_acceleration = self._velocity[[3, 0]], self._acceleration[[3, 0]]
@@ -143,9 +144,9 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.head_stage = np.zeros((b, heads + 1), np.int64)
         self.head_size_m = np.zeros((b, heads + 1))
         self.head_mass_g = np.zeros((b, heads + 1))
-        self.head_gained_g = np.zeros((b, heads + 1))
         self.head_visited = np.zeros((b, heads + 1), bool)
-        self.head_luck = np.zeros((b, heads + 1, 2))
+        # Odds with which a head's luck multiplies its cut and its collection.
+        self.head_odds = np.ones((b, heads + 1, 2))
         self.plant_base = np.zeros((b, scenario.plants, 3))
         self.plant_height_m = np.zeros((b, scenario.plants))
         self.plant_crown_m = np.zeros((b, scenario.plants))
@@ -178,8 +179,9 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.head_stage[rows, :-1] = heads.stage
         self.head_size_m[rows, :-1] = heads.size_m
         self.head_mass_g[rows, :-1] = heads.mass_g
-        self.head_gained_g[rows], self.head_visited[rows] = 0.0, False
-        self.head_luck[rows, :-1, 0], self.head_luck[rows, :-1, 1] = heads.cut_luck, heads.drop_luck
+        self.head_visited[rows] = False
+        luck = np.stack([heads.cut_luck, heads.drop_luck], axis=-1)
+        self.head_odds[rows, :-1] = np.exp(self.config.process.luck_logit * luck)
         self.plant_base[rows], self.plant_height_m[rows] = plants.base, plants.height_m
         self.plant_crown_m[rows] = plants.crown_m
         self.episode[rows] += 1
@@ -268,16 +270,15 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         head = np.where(picking, self.track_head.take(self._track_offset + plan.track), self._no_head)
         place = self._head_offset + head
         error = self.head_position.reshape(-1, 3).take(place, axis=0) - outcome.tool
-        luck = self.head_luck.reshape(-1, 2).take(place, axis=0)
+        odds = self.head_odds.reshape(-1, 2).take(place, axis=0)
         mass = self.head_mass_g.take(place)
-        share = cut_share(self.config.process, self._strokes.take(kind), error, luck[:, 0])
+        share = cut_share(self.config.process, self._strokes.take(kind), error, odds[:, 0])
         cut = mass * share
-        gained = cut * collected_share(self.config.process, plan.phases_s[:, -1], luck[:, 1])
-        captured = picking & (share > 0.0)
-        fresh = captured & ~self.head_visited.take(place)
+        gained = cut * collected_share(self._dropped.take(kind), odds[:, 1])
+        captured, visited = picking & (share > 0.0), self.head_visited.take(place)
+        fresh = captured & ~visited
         self.head_mass_g.put(place, mass - cut)
-        self.head_gained_g.put(place, self.head_gained_g.take(place) + gained)
-        self.head_visited.put(place[captured], True)
+        self.head_visited.put(place, visited | captured)
         done = fresh & (gained > 0.0)
 
         totals = self.totals
