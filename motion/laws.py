@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,12 @@ class MotionSample(NamedTuple):
     """m/s2."""
     jerk: Array
     """m/s3."""
+
+
+def shortest(stroke_m: Array, pace: float | Array, square_pace: float | Array) -> Array:
+    """Duration of strokes of either sign, in seconds, for the two ``MotionLaw.paces`` of the limits."""
+    stroke = np.abs(stroke_m)
+    return np.maximum(stroke * pace, np.sqrt(stroke * square_pace))
 
 
 @dataclass(frozen=True)
@@ -80,12 +86,14 @@ class MotionLaw:
     ) -> Array:
         """``duration`` for limits that a configuration has already checked: the rule engines call it every decision."""
         stroke = np.abs(stroke_m)
-        by_velocity = stroke * (self.peak_velocity / velocity_limit)
-        by_acceleration = np.sqrt(stroke * (self.peak_acceleration / acceleration_limit))
-        shortest = np.maximum(by_velocity, by_acceleration)
+        duration = shortest(stroke, *self.paces(velocity_limit, acceleration_limit))
         if jerk_limit is np.inf:
-            return shortest
-        return np.maximum(shortest, np.cbrt(self.peak_jerk * stroke / jerk_limit))
+            return duration
+        return np.maximum(duration, np.cbrt(self.peak_jerk * stroke / jerk_limit))
+
+    def paces(self, velocity_limit: float | Array, acceleration_limit: float | Array) -> tuple[Any, Any]:
+        """Seconds a metre where the speed limits, and seconds squared a metre where the acceleration does."""
+        return self.peak_velocity / velocity_limit, self.peak_acceleration / acceleration_limit
 
     def sample(self, time_s: ArrayLike, stroke_m: ArrayLike, duration_s: ArrayLike) -> MotionSample:
         """State at ``time_s`` (held at the ends outside [0, duration]); arguments broadcast.

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...envs.safflower.config import EFFORTS, SafflowerConfig
-from ...envs.safflower.process import collected_share, cut_share
+from ...envs.safflower.process import collected_share, cut_share, dropped_share
 from ...envs.safflower.scenario import stop_centres
 from ...envs.safflower.task import SafflowerCore
 from ...motion import QUINTIC
@@ -120,7 +120,7 @@ def _drawn(core: SafflowerCore, row: int, stop: int) -> Stop:
     head = core.track_head[row, tracks]
     target = core.track_target[row, tracks]
     error = core.head_position[row, head] - target
-    gain = _gains(core.config, error, core.head_mass_g[row, head], core.head_luck[row, head])
+    gain = _gains(core.config, error, core.head_mass_g[row, head], core.head_odds[row, head])
     use = core.track_legal[row, tracks] & (gain.max(axis=1) > 0.0)
     return _stop(core, stop, target[use], gain[use], core.head_mass_g[row, head][use], slack_m=0.0)
 
@@ -136,16 +136,17 @@ def _any(core: SafflowerCore, row: int, stop: int) -> Stop:
     near = ((along >= low) | (stop == 0)) & ((along <= high) | (stop == len(centre) - 1))
     heads = np.flatnonzero(near & (core.head_mass_g[row] > 0.0))
     mass = core.head_mass_g[row, heads]
-    gain = _gains(config, np.zeros((len(heads), 3)), mass, core.head_luck[row, heads])
+    gain = _gains(config, np.zeros((len(heads), 3)), mass, core.head_odds[row, heads])
     return _stop(core, stop, core.head_position[row, heads], gain, mass, slack_m=slack)
 
 
-def _gains(config: SafflowerConfig, error: Array, mass: Array, luck: Array) -> Array:
+def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array) -> Array:
     """Grams (n, E) that each effort brings."""
     columns = []
     for effort in range(len(EFFORTS)):
-        cut = cut_share(config.process, config.process.strokes[effort], error, luck[:, 0])
-        columns.append(mass * cut * collected_share(config.process, config.process.suction_s[effort], luck[:, 1]))
+        cut = cut_share(config.process, config.process.strokes[effort], error, odds[:, 0])
+        dropped = dropped_share(config.process, config.process.suction_s[effort])
+        columns.append(mass * cut * collected_share(dropped, odds[:, 1]))
     return np.stack(columns, axis=1)
 
 

@@ -10,6 +10,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ...motion import QUINTIC
+from ...motion.laws import shortest
 from ..core import COMMON_SCORES, Array, Rows, StepResult, TaskCore
 from .config import EFFORTS, STAGES, PerceptionModel, SafflowerConfig
 from .process import collected_share, cut_share, dropped_share
@@ -70,6 +71,8 @@ class PickerPlan(NamedTuple):
     target: Array
     leg_s: Array
     phases_s: Array
+    rise_s: Array
+    """Rise that the next decision begins with, (B,)."""
 
 
 class PickerOutcome(NamedTuple):
@@ -117,10 +120,16 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self._process_phases_s[:3, 4] = np.array(process.strokes) * process.stroke_m / process.shear_speed
         self._process_phases_s[:3, 5] = process.suction_s
         self._strokes = np.array([*process.strokes, 0, 0, 0], float)
+        # Every pick counts as wasted until it has brought something.
+        self._booked_by_kind = np.zeros((6, _LAST + 1))
+        self._booked_by_kind[:3, _WASTED] = self._booked_by_kind[NOTHING, _ILLEGAL] = 1.0
         self._dropped = dropped_share(process, self._process_phases_s[:, 5])
         self._velocity = np.array([picker.tool_velocity_m_s] * 3 + [picker.cart_velocity_m_s])
         self._acceleration = np.array([picker.tool_acceleration_m_s2] * 3 + [picker.cart_acceleration_m_s2])
-        self._beside_velocity, self._beside_acceleration = self._velocity[[3, 0]], self._acceleration[[3, 0]]
+        # Seconds a metre at the speed limit, seconds squared a metre at the acceleration limit, for (rise, descent,
+        # across, cart) and for (cart, across) side by side.
+        self._pace, self._square_pace = QUINTIC.paces(self._velocity, self._acceleration)
+        self._beside_pace, self._beside_square_pace = self._pace[[3, 0]], self._square_pace[[3, 0]]
         self._park = np.array([0.5 * picker.five_bar.base_m, config.machine.clear_level_m])
         self._half_base_m, self._clear_m = self._park.tolist()
         self._centres = stop_centres(scenario)
@@ -243,7 +252,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
             next_stop = np.minimum(self.stop[driving] + 1, last)
             target[driving, 0] = self._centres[next_stop] - self.config.machine.picker.camera_ahead_m
             target[driving, 1:] = self._park
-        level = self._clear_m
+        level, resting = self._clear_m, None
         if np.count_nonzero(kind > DRIVE):
             # Leaving the row is a rise; an illegal action is no motion at all, not even down again to where it is.
             finish, nothing = kind == FINISH, kind == NOTHING
@@ -251,17 +260,20 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
             target[finish, 2] = self._clear_m
             target[nothing] = start[nothing]
             level = np.where(nothing, start[:, 2], self._clear_m)
+            slot = np.where(nothing, self.config.slots, slot)
+            resting = nothing
         strokes = np.empty((len(kind), 4))
         np.subtract(level, start[:, 2], out=strokes[:, 0])
         np.subtract(level, target[:, 2], out=strokes[:, 1])
         np.subtract(target[:, 1::-1], start[:, 1::-1], out=strokes[:, 2:])
-        leg_s = QUINTIC.duration_unchecked(strokes, self._velocity, self._acceleration)
+        leg_s = shortest(strokes, self._pace, self._square_pace)
         beside = np.maximum(leg_s[:, 2], leg_s[:, 3])
         phases = self._process_phases_s.take(kind, axis=0)
         phases[:, 1] = drive_s = beside * driving
         phases[:, 2] = leg_s[:, 0] + leg_s[:, 1] + (beside - drive_s)
         phases[:, 3] = self.config.machine.settle_s * (np.abs(strokes[:, 3]) > _STILL_M)
-        return PickerPlan(kind, slot, track, start, target, leg_s, phases)
+        rise_s = leg_s[:, 1] if resting is None else np.where(resting, self.rise_s, leg_s[:, 1])
+        return PickerPlan(kind, slot, track, start, target, leg_s, phases, rise_s)
 
     def apply(self, plan: PickerPlan, outcome: PickerOutcome) -> StepResult:
         """Cut, collect, book the time and move to the next decision."""
@@ -283,20 +295,19 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
 
         totals = self.totals
         elapsed = np.add.reduce(outcome.phases_s, axis=1)
-        booked = np.zeros_like(totals)
+        booked = self._booked_by_kind.take(kind, axis=0)
         booked[:, _TIME] = elapsed
         booked[:, _DONE] = done
         booked[:, _MISSED] = -booked[:, _DONE]
         booked[:, _DAMAGED] = fresh & (self.head_stage.take(place) == 0)
-        booked[:, _ILLEGAL] = kind == NOTHING
         booked[:, _PHASES] = outcome.phases_s
         booked[:, _GAINED] = gained
         booked[:, _DROPPED] = cut - gained
-        booked[:, _WASTED] = picking & ~done
+        booked[:, _WASTED] -= done
         totals += booked
         np.copyto(totals[:, _LAST], totals[:, _TIME], where=done)
         self.pose = plan.target
-        self.rise_s = np.where(kind == NOTHING, self.rise_s, plan.leg_s[:, 1])
+        self.rise_s = plan.rise_s
         self._advance(plan, picking)
 
         rewards = np.empty((len(kind), 3))
@@ -305,7 +316,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         rewards[:, 2] = elapsed
         rewards *= self._weights
         terminated = kind == FINISH
-        truncated = (totals[:, _TIME] >= self.config.scenario.time_limit_s) & ~terminated
+        truncated = (totals[:, _TIME] >= self.config.scenario.time_limit_s) > terminated
         return StepResult(rewards, outcome.phases_s, terminated, truncated)
 
     def observe(self) -> dict[str, NDArray[np.float32 | np.int8]]:
@@ -315,7 +326,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         present = feature[..., 0]
         # Tool and cart travel side by side after the rise that every candidate shares; see plan().
         offset = self.track_target.reshape(-1, 3).take(place, axis=0) - self.pose[:, None]
-        beside_s = QUINTIC.duration_unchecked(offset[..., :2], self._beside_velocity, self._beside_acceleration)
+        beside_s = shortest(offset[..., :2], self._beside_pace, self._beside_square_pace)
         travel_s = np.maximum(beside_s[..., 0], beside_s[..., 1]) + self.track_descent_s.take(place)
         feature[..., 1] = offset[..., 0] * (1.0 / AHEAD_SCALE_M) * present
         feature[..., 4] = (travel_s + self.rise_s[:, None]) * (1.0 / TRAVEL_SCALE_S) * present
@@ -324,7 +335,8 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         machine[:, 3] = self.totals[:, _TIME] * (1.0 / self.config.scenario.time_limit_s)
         machine[:, 4] = self._stops_left.take(self.stop)
         machine[:, 5] = self.remaining * (1.0 / self.config.slots)
-        mask = np.ones((self.worlds, 3 * self.config.slots + 1), np.int8)
+        mask = np.empty((self.worlds, 3 * self.config.slots + 1), np.int8)
+        mask[:, -1] = 1
         mask[:, :-1].reshape(self.worlds, -1, 3)[...] = self.track_legal.take(place)[..., None]
         return {"machine": machine, "candidates": feature.reshape(self.worlds, -1), "action_mask": mask}
 
@@ -357,12 +369,11 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.remaining -= picking
         slots, empty = self.slot_track, self.track_legal.shape[1] - 1
         slots[:, -1] = np.where(more, self.cursor, empty)
-        gap = np.where(picking, plan.slot, self.config.slots)
-        slots[:, :-1] = np.where(self._slots < gap[:, None], slots[:, :-1], slots[:, 1:])
+        slots[:, :-1] = np.where(self._slots < plan.slot[:, None], slots[:, :-1], slots[:, 1:])
         slots[:, -1] = empty
         self.cursor += more
         driven = plan.kind == DRIVE
-        if driven.any():
+        if np.count_nonzero(driven):
             self.stop += driven
             rows = np.flatnonzero(driven)
             if self.perception is None:
@@ -397,9 +408,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         feature[..., 9] = tracks.size_m / SIZE_SCALE_M
         feature[..., 10] = legal
         self.track_target[rows, where] = target
-        self.track_descent_s[rows, where] = QUINTIC.duration_unchecked(
-            descent, self._velocity[0], self._acceleration[0]
-        )
+        self.track_descent_s[rows, where] = shortest(descent, self._pace[0], self._square_pace[0])
         self.track_legal[rows, where] = legal
         self.track_feature[rows, where] = feature
         self.track_head[rows, where] = tracks.head
