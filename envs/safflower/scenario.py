@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,7 +99,7 @@ class _Block:
         self.used = 0
 
     def take(self, *shape: int) -> Array:
-        count = int(np.prod(shape))
+        count = prod(shape)
         part = self.numbers[:, self.used : self.used + count]
         self.used += count
         return part.reshape(len(self.numbers), *shape)
@@ -236,12 +237,12 @@ def draw_tracks(
     size = np.concatenate([size, np.full(ghost_stage.shape, _SPREAD_M)], axis=1)
     order, first = fixed_order(config, position, seen)
     kept = order[:, : scenario.max_tracks]
-    head = np.concatenate([np.arange(heads_n), np.full(ghosts, heads_n)])[kept]
+    place = kept + seen.shape[1] * np.arange(len(seen))[:, None]
     return Tracks(
-        position=np.take_along_axis(position, kept[..., None], axis=1),
-        stage=np.take_along_axis(stage, kept, axis=1),
-        size_m=np.take_along_axis(size, kept, axis=1),
-        head=head,
+        position=position.reshape(-1, 3).take(place, axis=0),
+        stage=stage.take(place),
+        size_m=size.take(place),
+        head=np.minimum(kept, heads_n),
         first=np.minimum(first, kept.shape[1]),
     )
 
