@@ -86,6 +86,10 @@ class _WeedingPolicy(StatelessPolicy):
         time_s = reach_s[..., None] + self._work_s
         return View(legal, chance, value, self._label[species, stage], time_s, reach_s, self._work_s)
 
+    def act(self, observation: Observation) -> Actions:
+        """Actions (B,)."""
+        raise NotImplementedError
+
     def fire(self, score: Array) -> Actions:
         """Best of scored shots (B, K, M); wait where all are -inf."""
         flat = score.reshape(len(score), -1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -100,7 +100,7 @@ def detect_seedlings(
     species = (fill < chosen.slender).astype(np.int64)
     limits = np.array(chosen.leaf_m2)[species] if len(rows) else np.zeros((0, 2))
     stage = (area[:, None] > limits).sum(axis=1)
-    position = on_plane(centres[rows], intrinsics, world_from_camera, height_m)
+    position = on_plane(np.asarray(centres[rows], np.float64), intrinsics, world_from_camera, height_m)
     crop = (area >= chosen.crop_m2) & (np.abs(position[:, 1] - row_across_m) <= chosen.row_half_m)
     return Seedlings(position, area, species, stage, crop, box)
 
@@ -112,7 +112,7 @@ def on_plane(pixels: Array, intrinsics: Array, world_from_camera: Array, height_
     return eye[:2] + rays[:, :2] * ((height_m - eye[2]) / rays[:, 2])[:, None]
 
 
-def _fill(labels: NDArray[np.int32], label: int, stat: NDArray[np.int32]) -> float:
+def _fill(labels: NDArray[Any], label: int, stat: NDArray[Any]) -> float:
     x, y, w, h = (int(v) for v in stat[:4])
     part = (labels[y : y + h, x : x + w] == label).astype(np.uint8)
     points = cv2.findNonZero(part)

@@ -118,7 +118,12 @@ def poses(reach: LaserReach, beam: ArrayLike, cart_m: ArrayLike) -> Array:
     beta = np.arctan(tangent)
     alpha = np.arctan(coordinates[..., 2] / (reach.gap_m * np.sqrt(1.0 + tangent * tangent)))
     return np.stack(
-        [coordinates[..., 0] - cart_m, np.full_like(alpha, reach.platform_z_m), alpha, beta],
+        [
+            coordinates[..., 0] - np.asarray(cart_m, dtype=np.float64),
+            np.full_like(alpha, reach.platform_z_m),
+            alpha,
+            beta,
+        ],
         axis=-1,
     )
 
@@ -127,7 +132,8 @@ def spot(reach: LaserReach, pose: ArrayLike, cart_m: ArrayLike) -> Array:
     """World place (..., 2) where the beam of mechanism poses (..., 4) meets the targets' height."""
     p = np.asarray(pose, dtype=np.float64)
     gap = reach.base_height_m - reach.target_height_m - p[..., 1]
-    along = cart_m + p[..., 0] + gap * np.tan(p[..., 3])
+    cart = np.asarray(cart_m, dtype=np.float64)
+    along = cart + p[..., 0] + gap * np.tan(p[..., 3])
     return np.stack([along, gap * np.tan(p[..., 2]) / np.cos(p[..., 3])], axis=-1)
 
 

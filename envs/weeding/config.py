@@ -11,7 +11,8 @@ import json
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.resources import files
-from math import inf, log
+from math import exp, inf, log
+from typing import Any
 
 from .aim import LaserReach
 
@@ -75,8 +76,6 @@ class ProcessConfig:
     @property
     def ed50_j(self) -> float:
         """Dose that kills half of the two-leaf broadleaves: the logistic's 95 % point taken back to 50 %."""
-        from math import exp
-
         return self.ed95_j * exp(-log(0.95 / 0.05) / self.slope)
 
 
@@ -128,12 +127,12 @@ class PerceptionModel:
     @lru_cache(maxsize=1)
     def measured(cls) -> PerceptionModel:
         """The fit to rendered images that ships with the package [identified]."""
-        text = files(__package__.rsplit(".", 2)[0]).joinpath("assets/perception/weeding.json").read_text("utf-8")
+        text = files(__name__.rsplit(".", 3)[0]).joinpath("assets/perception/weeding.json").read_text("utf-8")
         data = json.loads(text)["model"]
         return cls(**{name: _frozen(value) for name, value in data.items()})
 
 
-def _frozen(value: object) -> object:
+def _frozen(value: Any) -> Any:
     return tuple(_frozen(part) for part in value) if isinstance(value, list) else value
 
 

@@ -61,7 +61,7 @@ class PyBulletWeeder:
         steps = max(int(np.ceil(nominal_s / dt - 1e-9)), 1)
         # What is missing to a whole step is spent before the work: the machine stands where it will work.
         phases[0, 1 if plan.kind[0] < WAIT else -1] += steps * dt - nominal_s
-        time = dt * np.arange(steps + 1)
+        time = dt * np.arange(steps + 1, dtype=np.float64)
         cart, beam = trajectory(config, plan, phases, time)
         burning = np.zeros(steps + 1, bool)
         works = bool(plan.kind[0] < WAIT)

@@ -16,7 +16,7 @@ LABEL_KILL = 0.8
 
 def ed50_j(process: ProcessConfig, species: ArrayLike, stage: ArrayLike) -> Array:
     """Centred dose (...) that kills half of the weeds of a kind (indices into ``SPECIES`` and ``STAGES``)."""
-    factor = np.asarray(process.stage_factor)[stage]
+    factor = np.asarray(process.stage_factor)[np.asarray(stage)]
     return process.ed50_j * factor * np.where(np.asarray(species) == 1, process.grass_factor, 1.0)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -252,7 +253,7 @@ def draw_tracks(
     order = np.argsort(key, axis=1, kind="stable")
     there = np.take_along_axis(there, order, axis=1)
 
-    def pick(values: Array) -> Array:
+    def pick(values: NDArray[Any]) -> NDArray[Any]:
         return np.take_along_axis(values, order, axis=1)
 
     def pick2(values: Array) -> Array:

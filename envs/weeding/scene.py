@@ -105,13 +105,21 @@ class WeederScene:
         shape = pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=0.003, length=1.0, **red)
         self._beam = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
         self._weed, self._crop = np.zeros((0, 2)), np.zeros((0, 2))
-        self._species, self._stage, self._look = (np.zeros(0, np.int64),) * 3
+        self._species, self._stage, self._look = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
         self._dead_weed, self._dead_crop = np.zeros(0, bool), np.zeros(0, bool)
         self._burnt: list[Array] = []
         self._cart_m, self._planted_m = 0.0, np.inf
         self._strip = 0
 
-    def load(self, weed: Array, species: Array, stage: Array, look: Array, crop: Array, strip: int) -> None:
+    def load(
+        self,
+        weed: Array,
+        species: NDArray[np.int64],
+        stage: NDArray[np.int64],
+        look: Array,
+        crop: Array,
+        strip: int,
+    ) -> None:
         """Show another strip: weeds (n, 2) with their kinds and looks in [0, 1), crop plants (m, 2), its number."""
         self._weed, self._species, self._stage, self._look = weed, species, stage, look
         self._crop = crop

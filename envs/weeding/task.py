@@ -523,7 +523,9 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
             self._legal[rows, own] = legal.reshape(n, -1)
 
 
-def track_features(report: Array, species: NDArray[np.int64], stage: NDArray[np.int64], gap_m: Array) -> Array:
+def track_features(
+    report: Array, species: NDArray[np.int64], stage: NDArray[np.int64], gap_m: Array
+) -> NDArray[np.float32]:
     """What policies are shown of tracks (..., T) that does not depend on where the machine is."""
     feature = np.zeros((*species.shape, len(CANDIDATE_FEATURES)), np.float32)
     feature[..., 0] = 1.0

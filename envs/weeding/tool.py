@@ -48,9 +48,16 @@ class WeedingMachine(Protocol):
 class WeedingProcess(Protocol):
     """What a tool does to plants. Doses add up; a plant dies when its sum reaches its tolerance."""
 
-    modes: tuple[str, ...]
-    phases: tuple[str, ...]
-    """Names of the phases on the target."""
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Names of the three modes."""
+        ...
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """Names of the phases on the target."""
+        ...
+
     work_s: Array
     """Seconds (M, len(phases)) of each phase by mode."""
     energy_j: Array
