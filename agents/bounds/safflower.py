@@ -142,10 +142,10 @@ def _any(core: SafflowerCore, row: int, stop: int) -> Stop:
 
 def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array) -> Array:
     """Grams (n, E) that each effort brings."""
-    columns = []
+    process, columns = config.process, []
     for effort in range(len(EFFORTS)):
-        cut = cut_share(config.process, config.process.strokes[effort], error, odds[:, 0])
-        dropped = dropped_share(config.process, config.process.suction_s[effort])
+        cut = cut_share(process, process.strokes[effort], error, odds[:, 0])
+        dropped = dropped_share(process, process.suction_s[effort])
         columns.append(mass * cut * collected_share(dropped, odds[:, 1]))
     return np.stack(columns, axis=1)
 
