@@ -98,7 +98,7 @@ def trajectory(plan: PickerPlan, level_m: float, step_s: float) -> tuple[Array, 
     Returns:
         Cart (n,), tool (n, 2) and the nominal duration in seconds.
     """
-    rise_s, descent_s, across_s, cart_s = plan.leg_s[0]
+    rise_s, descent_s, (cart_s, across_s) = plan.rise_s[0], plan.descent_s[0], plan.beside_s[0]
     start, target = plan.start[0], plan.target[0]
     beside_s = max(across_s, cart_s)
     nominal_s = float(rise_s + beside_s + descent_s)

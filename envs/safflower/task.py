@@ -60,8 +60,11 @@ class PickerPlan(NamedTuple):
         track: (B,), report behind it.
         start: (B, 3), metres.
         target: (B, 3), metres.
-        leg_s: (B, 4), seconds for rise, descent, traverse across, and the cart's move beside the traverse.
+        rise_s: (B,), seconds of the rise to the traverse level.
+        beside_s: (B, 2), seconds of the cart's move and of the traverse across, which go on side by side.
+        descent_s: (B,), seconds of the descent.
         phases_s: (B, 6), nominal seconds of each phase.
+        next_rise_s: (B,), seconds of the rise that the next decision begins with.
     """
 
     kind: NDArray[np.int64]
@@ -69,10 +72,11 @@ class PickerPlan(NamedTuple):
     track: NDArray[np.int64]
     start: Array
     target: Array
-    leg_s: Array
-    phases_s: Array
     rise_s: Array
-    """Rise that the next decision begins with, (B,)."""
+    beside_s: Array
+    descent_s: Array
+    phases_s: Array
+    next_rise_s: Array
 
 
 class PickerOutcome(NamedTuple):
@@ -124,18 +128,21 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self._booked_by_kind = np.zeros((6, _LAST + 1))
         self._booked_by_kind[:3, _WASTED] = self._booked_by_kind[NOTHING, _ILLEGAL] = 1.0
         self._dropped = dropped_share(process, self._process_phases_s[:, 5])
-        self._velocity = np.array([picker.tool_velocity_m_s] * 3 + [picker.cart_velocity_m_s])
-        self._acceleration = np.array([picker.tool_acceleration_m_s2] * 3 + [picker.cart_acceleration_m_s2])
-        # Seconds a metre at the speed limit, seconds squared a metre at the acceleration limit, for (rise, descent,
-        # across, cart) and for (cart, across) side by side.
-        self._pace, self._square_pace = QUINTIC.paces(self._velocity, self._acceleration)
-        self._beside_pace, self._beside_square_pace = self._pace[[3, 0]], self._square_pace[[3, 0]]
+        # Seconds a metre at the speed limit, seconds squared a metre at the acceleration limit, for (cart, tool).
+        self._beside_pace, self._beside_square_pace = QUINTIC.paces(
+            np.array([picker.cart_velocity_m_s, picker.tool_velocity_m_s]),
+            np.array([picker.cart_acceleration_m_s2, picker.tool_acceleration_m_s2]),
+        )
         self._park = np.array([0.5 * picker.five_bar.base_m, config.machine.clear_level_m])
         self._half_base_m, self._clear_m = self._park.tolist()
         self._centres = stop_centres(scenario)
         # World (along, across, up) of the arm plane's (cart, u, v) = 0.
         self.frame = np.array([0.0, -self._half_base_m, scenario.motor_height_m])
         self._stop_pose = np.column_stack([self._centres, np.tile(self._park, (len(self._centres), 1))])
+        stops = len(self._centres)
+        self._next_look = self._stop_pose[np.minimum(np.arange(stops) + 1, stops - 1)]
+        self._next_look[:, 0] -= picker.camera_ahead_m
+        self._leaving = np.array([DRIVE] * (stops - 1) + [FINISH])
         self._stops_left = 1.0 - (1.0 + np.arange(len(self._centres))) / len(self._centres)
         self._pose_scale = 1.0 / np.array([AHEAD_SCALE_M, ACROSS_SCALE_M, HEIGHT_SCALE_M])
         self._no_head = heads
@@ -146,6 +153,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self._rows, self._slots = np.arange(b), np.arange(k)
         # Gathers go through flat views: one index array instead of two is several times faster.
         self._head_offset, self._track_offset = self._rows * (heads + 1), self._rows * (tracks + 1)
+        self._first_offset = self._rows * (scenario.stops + 1)
         # Row `heads` and column `tracks` are the empty head and the empty report.
         self.head_position = np.zeros((b, heads + 1, 3))
         self.head_exists = np.zeros((b, heads + 1), bool)
@@ -210,7 +218,9 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
             tracks = draw_tracks(self.config, self.perception, heads, camera_uniform, camera_normal)
             self._place_tracks(rows, tracks, 0)
             self.first[rows] = tracks.first
-        self._fill_slots(rows)
+        chosen = np.zeros(self.worlds, bool)
+        chosen[rows] = True
+        self._fill_slots(chosen)
         if scenario.potted and not np.all(self.totals[rows, _TOTAL] > 0.0):
             raise ValueError("the scenario drew a field without an open head: raise mean_heads")
 
@@ -234,46 +244,39 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         rows = np.array([row])
         self._place_tracks(rows, tracks, start)
         self.first[row, self.stop[row] + 1 :] = start + n
-        self._fill_slots(rows)
+        self._fill_slots(self._rows == row)
         self.look_due[row] = False
 
     def plan(self, actions: NDArray[np.int64]) -> PickerPlan:
         """Turn actions (B,) into motions and nominal phase times."""
-        slot = actions // len(EFFORTS)
+        slot, effort = np.divmod(actions, len(EFFORTS))
         track = self.slot_track[self._rows, slot]
         place = self._track_offset + track
         driving = slot == self.config.slots
-        kind = np.where(self.track_legal.take(place), actions - len(EFFORTS) * slot, NOTHING)
-        start = self.pose
+        kind = np.where(self.track_legal.take(place), effort, NOTHING)
+        start, rise_s = self.pose, self.rise_s
         target = self.track_target.reshape(-1, 3).take(place, axis=0)
+        descent_s = next_rise_s = self.track_descent_s.take(place)
         if np.count_nonzero(driving):
-            last = len(self._centres) - 1
-            kind[driving] = np.where(self.stop[driving] < last, DRIVE, FINISH)
-            next_stop = np.minimum(self.stop[driving] + 1, last)
-            target[driving, 0] = self._centres[next_stop] - self.config.machine.picker.camera_ahead_m
-            target[driving, 1:] = self._park
-        level, resting = self._clear_m, None
+            kind = np.where(driving, self._leaving.take(self.stop), kind)
+            target = np.where(driving[:, None], self._next_look.take(self.stop, axis=0), target)
         if np.count_nonzero(kind > DRIVE):
             # Leaving the row is a rise; an illegal action is no motion at all, not even down again to where it is.
             finish, nothing = kind == FINISH, kind == NOTHING
             target[finish] = start[finish]
             target[finish, 2] = self._clear_m
             target[nothing] = start[nothing]
-            level = np.where(nothing, start[:, 2], self._clear_m)
             slot = np.where(nothing, self.config.slots, slot)
-            resting = nothing
-        strokes = np.empty((len(kind), 4))
-        np.subtract(level, start[:, 2], out=strokes[:, 0])
-        np.subtract(level, target[:, 2], out=strokes[:, 1])
-        np.subtract(target[:, 1::-1], start[:, 1::-1], out=strokes[:, 2:])
-        leg_s = shortest(strokes, self._pace, self._square_pace)
-        beside = np.maximum(leg_s[:, 2], leg_s[:, 3])
+            next_rise_s = np.where(nothing, rise_s, descent_s)
+            rise_s, descent_s = np.where(nothing, 0.0, rise_s), np.where(nothing, 0.0, descent_s)
+        strokes = target[:, :2] - start[:, :2]
+        beside_s = shortest(strokes, self._beside_pace, self._beside_square_pace)
+        beside = np.maximum(beside_s[:, 0], beside_s[:, 1])
         phases = self._process_phases_s.take(kind, axis=0)
         phases[:, 1] = drive_s = beside * driving
-        phases[:, 2] = leg_s[:, 0] + leg_s[:, 1] + (beside - drive_s)
-        phases[:, 3] = self.config.machine.settle_s * (np.abs(strokes[:, 3]) > _STILL_M)
-        rise_s = leg_s[:, 1] if resting is None else np.where(resting, self.rise_s, leg_s[:, 1])
-        return PickerPlan(kind, slot, track, start, target, leg_s, phases, rise_s)
+        phases[:, 2] = rise_s + descent_s + (beside - drive_s)
+        phases[:, 3] = self.config.machine.settle_s * (np.abs(strokes[:, 0]) > _STILL_M)
+        return PickerPlan(kind, slot, track, start, target, rise_s, beside_s, descent_s, phases, next_rise_s)
 
     def apply(self, plan: PickerPlan, outcome: PickerOutcome) -> StepResult:
         """Cut, collect, book the time and move to the next decision."""
@@ -307,7 +310,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         totals += booked
         np.copyto(totals[:, _LAST], totals[:, _TIME], where=done)
         self.pose = plan.target
-        self.rise_s = plan.rise_s
+        self.rise_s = plan.next_rise_s
         self._advance(plan, picking)
 
         rewards = np.empty((len(kind), 3))
@@ -375,18 +378,22 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         driven = plan.kind == DRIVE
         if np.count_nonzero(driven):
             self.stop += driven
-            rows = np.flatnonzero(driven)
             if self.perception is None:
+                rows = np.flatnonzero(driven)
                 self.look_due[rows] = True
                 self.first[rows, self.stop[rows] + 1] = self.first[rows, self.stop[rows]]
-            self._fill_slots(rows)
+            self._fill_slots(driven)
 
-    def _fill_slots(self, rows: Rows) -> None:
-        begin, end = self.first[rows, self.stop[rows]], self.first[rows, self.stop[rows] + 1]
+    def _fill_slots(self, chosen: NDArray[np.bool_]) -> None:
+        """Show the first reports of the stop in the chosen worlds (B,)."""
+        place = self._first_offset + self.stop
+        begin, end = self.first.take(place), self.first.take(place + 1)
         tracks = begin[:, None] + self._slots
-        self.slot_track[rows, :-1] = np.where(tracks < end[:, None], tracks, self.track_legal.shape[1] - 1)
-        self.cursor[rows] = np.minimum(begin + self.config.slots, end)
-        self.stop_end[rows], self.remaining[rows] = end, end - begin
+        filled = np.where(tracks < end[:, None], tracks, self.track_legal.shape[1] - 1)
+        self.slot_track[:, :-1] = np.where(chosen[:, None], filled, self.slot_track[:, :-1])
+        self.cursor = np.where(chosen, np.minimum(begin + self.config.slots, end), self.cursor)
+        self.stop_end = np.where(chosen, end, self.stop_end)
+        self.remaining = np.where(chosen, end - begin, self.remaining)
 
     def _clear_tracks(self, rows: Rows) -> None:
         self.track_feature[rows] = 0.0
@@ -408,7 +415,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         feature[..., 9] = tracks.size_m / SIZE_SCALE_M
         feature[..., 10] = legal
         self.track_target[rows, where] = target
-        self.track_descent_s[rows, where] = shortest(descent, self._pace[0], self._square_pace[0])
+        self.track_descent_s[rows, where] = shortest(descent, self._beside_pace[1], self._beside_square_pace[1])
         self.track_legal[rows, where] = legal
         self.track_feature[rows, where] = feature
         self.track_head[rows, where] = tracks.head
