@@ -132,7 +132,7 @@ class RecedingHorizon(StatelessPolicy):
         first = -(last + SWING_M + self._speed * self._hold_s)
         turn_s = QUINTIC.duration_unchecked(table[..., _COLUMN["turn"]] * TURN_SCALE_RAD, *self._turn_limits)
         turn_s = np.maximum(turn_s, self._shortest_s)
-        goal = table[..., _FIRST_GRADE : _FIRST_GRADE + len(GRADES)].argmax(axis=-1)
+        goal = np.argmax(table[..., _FIRST_GRADE : _FIRST_GRADE + len(GRADES)], axis=-1)
         fit = table[..., _COLUMN["present"]] > 0.0
 
         time = np.where(mask, table[..., _COLUMN["cycle"]] * CYCLE_SCALE_S, np.inf)
@@ -143,9 +143,8 @@ class RecedingHorizon(StatelessPolicy):
         best, choice = score.max(axis=1), score.argmax(axis=1)
         for _ in range(self._depth - 1):
             kept = np.argsort(-score, axis=1, kind="stable")[:, : self._width]
-            score, time, won, head, at = (
-                np.take_along_axis(part, kept, axis=1) for part in (score, time, won, head, at)
-            )
+            score, time, won = (np.take_along_axis(part, kept, axis=1) for part in (score, time, won))
+            head, at = (np.take_along_axis(part, kept, axis=1) for part in (head, at))
             used = np.take_along_axis(used, kept[..., None], axis=1)
             done, possible = self._next(self._bins[at], time, along, across, first, last, turn_s, goal)
             possible &= ~used & fit[:, None] & np.isfinite(score)[..., None]

@@ -77,6 +77,18 @@ class Produce(NamedTuple):
     grade: NDArray[np.int64]
     hue_deg: Array
 
+    def where(self, chosen: NDArray[np.bool_]) -> Produce:
+        """Only the chosen ones (n,)."""
+        return Produce(
+            self.position[chosen],
+            self.yaw[chosen],
+            self.tilt[chosen],
+            self.azimuth[chosen],
+            self.axes_m[chosen],
+            self.grade[chosen],
+            self.hue_deg[chosen],
+        )
+
 
 def detect_produce(
     rgb: NDArray[np.uint8],
@@ -102,9 +114,9 @@ def detect_produce(
     warm = np.maximum(colour[..., 0], colour[..., 1]) - colour[..., 2] > rules.warm
     smooth = cv2.medianBlur((points[..., 2] - belt_m).astype(np.float32), 5)
     mask = (warm & (smooth > rules.lowest_m)).astype(np.uint8)
-    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)), np.uint8)
     labels, count = _separate(mask)
-    hsv = cv2.cvtColor(cv2.medianBlur(rgb, 5), cv2.COLOR_RGB2HSV)
+    hsv = np.asarray(cv2.cvtColor(cv2.medianBlur(rgb, 5), cv2.COLOR_RGB2HSV), np.uint8)
     eye = world[:3, 3]
     found = []
     for label in range(1, count):

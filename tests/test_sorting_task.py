@@ -360,7 +360,8 @@ def test_the_stream_does_not_depend_on_the_camera_and_steps_draw_no_chance(scena
     for perception in ("perfect", "model"):
         env = gym.make(ID, backend="analytic", scenario=scenario, perception=perception).unwrapped
         env.reset(seed=3)
-        streams.append((env.core.item_place.copy(), env.core.item_shape.copy(), env.core._truth.copy()))
+        core = env.get_wrapper_attr("core")
+        streams.append((core.item_place.copy(), core.item_shape.copy(), core._truth.copy()))
         state = env.np_random.bit_generator.state
         for _ in range(5):
             env.step(0)
@@ -483,7 +484,7 @@ def test_pybullet_agrees_with_the_plan():
         (lambda: MachineConfig(travel_level_m=0.2), "travel_level_m"),
         (lambda: BeltConfig(bins_m=((0.0, 0.2),)), "bins_m"),
         (lambda: BeltConfig(camera_x_m=0.1), "camera_x_m"),
-        (lambda: ProduceConfig(value=(1.0,)), "value"),
+        (lambda: ProduceConfig(value=(1.0,)), "value"),  # type: ignore[arg-type]
         (lambda: ProduceConfig(tuber_width=(0.9, 1.3)), "tuber_width"),
         (lambda: SortingConfig(belt=BeltConfig(speed_m_s=0.7)), "speed_m_s"),
     ],

@@ -196,13 +196,14 @@ class PerceptionModel:
     def perfect(cls) -> PerceptionModel:
         """Every item exactly as it is."""
         identity = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
-        return cls(1.0, 0.0, (0.0,) * 3, (0.0,) * 3, (0.0,) * 2, (0.0,) * 2, 0.0, identity)
+        nowhere, none = (0.0, 0.0, 0.0), (0.0, 0.0)
+        return cls(1.0, 0.0, nowhere, nowhere, none, none, 0.0, identity)
 
     @classmethod
     @lru_cache(maxsize=1)
     def measured(cls) -> PerceptionModel:
         """The fit to rendered images that ships with the package [identified]."""
-        text = files(__package__.rsplit(".", 2)[0]).joinpath("assets/perception/sorting.json").read_text("utf-8")
+        text = files(__name__.rsplit(".", 3)[0]).joinpath("assets/perception/sorting.json").read_text("utf-8")
         data = json.loads(text)
         return cls(
             recall=data["recall"],

@@ -98,4 +98,4 @@ class PyBulletSorter:
         return moved_s
 
     def _poses(self, motion: PickMotion, first: int, last: int, held: bool) -> Array:
-        return motion.sample(self._dt * np.arange(first, last + 1), held).poses()
+        return motion.sample(np.arange(first, last + 1, dtype=np.float64) * self._dt, held).poses()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...motion import QUINTIC
 from ...motion.orientation import axes, tilted
@@ -34,7 +35,7 @@ def wrapped(yaw: Array) -> Array:
     return yaw - np.pi * np.ceil(yaw / np.pi - 0.5)
 
 
-def prepare(config: SortingConfig, reports: Reports) -> tuple[Array, Array, Array]:
+def prepare(config: SortingConfig, reports: Reports) -> tuple[Array, NDArray[np.float32], Array]:
     """Numbers (columns, R, M), features (R, M, F) and leaving times (R, M) of reports.
 
     Reports of nothing leave at infinity. Reports that cannot be gripped have no last x and no deadline.

@@ -58,7 +58,7 @@ class SorterView:
             half = 0.5 * belt.camera_step_m
             near = np.abs(seen.position[:, 0] - belt.camera_x_m) <= half
             if near.any():
-                core.receive(0, self._reports(Produce(*(part[near] for part in seen)), taken_s))
+                core.receive(0, self._reports(seen.where(near), taken_s))
             self._frames += 1
 
     def take(self, number: int) -> tuple[float, Produce]:
@@ -236,4 +236,5 @@ class SorterView:
 def _rotate(quaternion: Array, vector: Array) -> Array:
     """Turn a vector (3,) by a quaternion (4,)."""
     w, axis = quaternion[0], quaternion[1:]
-    return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + w * vector)
+    aside = np.asarray(np.cross(axis, vector), dtype=np.float64) + w * vector
+    return vector + 2.0 * np.asarray(np.cross(axis, aside), dtype=np.float64)
