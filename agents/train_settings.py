@@ -106,12 +106,11 @@ class TrainSettings:
                 raise ValueError(f"setting {name!r} is unknown: {hint}choose among {', '.join(known)}")
         # 1 is a good learning rate to YAML and an int to Python.
         floats = {item.name for item in fields(cls) if "float" in str(item.type)}
-        return cls(
-            **{
-                name: float(value) if name in floats and isinstance(value, int) and value is not True else value
-                for name, value in values.items()
-            }
-        )
+        taken: dict[str, Any] = dict(values)
+        for name in floats & set(taken):
+            if isinstance(taken[name], int) and not isinstance(taken[name], bool):
+                taken[name] = float(taken[name])
+        return cls(**taken)
 
     def as_dict(self) -> dict[str, Any]:
         """All settings by name."""
@@ -134,7 +133,7 @@ def tuned(env_id: str, scenario: str | None = None, config: Path | None = None, 
 
     task = describe(env_id)
     name = env_id.split("/")[-1] + ".yaml"
-    shipped = resources.files(__package__) / "settings" / name
+    shipped = resources.files(__name__.rpartition(".")[0]) / "settings" / name
     layers = [_parsed(shipped.read_text("utf-8"), name)] if shipped.is_file() else []
     if config is not None:
         try:

@@ -88,7 +88,11 @@ def main(
             json.dumps({"env_id": env_id, "backend": backend, "first_seed": seed, **options, **report}, indent=2)
         )
         return
-    _print(Console(highlight=False), f"{env_id}, {options['scenario']}, {backend}, seeds {seed}+{episodes}", report)
+    wide = Console(highlight=False)
+    if not wide.is_terminal:
+        # A log must not break the table's lines.
+        wide = Console(highlight=False, width=132)
+    _print(wide, f"{env_id}, {options['scenario']}, {backend}, seeds {seed}+{episodes}", report)
 
 
 def _others(env_id: str, policy: str, against: str, known: tuple[str, ...]) -> list[str]:
