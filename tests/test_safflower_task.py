@@ -48,6 +48,7 @@ def toy(places: list[tuple[float, float, float]], **changes) -> SafflowerCore:
     core.head_position[0, :n] = position - core.frame
     core.head_mass_g[0, :n], core.head_stage[0, :n] = 0.4, 1
     core.totals[:, [_TOTAL, _MISSED]] = 0.4 * n, n
+    core._per_total[:] = 1.0 / (0.4 * n)
     core.receive(0, position, np.ones(n, int), np.full(n, 0.048), np.arange(n))
     return core
 

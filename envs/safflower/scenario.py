@@ -156,7 +156,8 @@ def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[
     height = low + (high - low) * height_u if scenario.potted else low + high * height_z
     crown = scenario.crown_m[0] + (scenario.crown_m[1] - scenario.crown_m[0]) * u.take(plants)
     lift = high - height if scenario.potted else np.zeros_like(height)
-    base = np.stack(np.broadcast_arrays(along, 0.0, lift), axis=-1)
+    base = np.zeros((*lift.shape, 3))
+    base[..., 0], base[..., 2] = along, lift
 
     batch = np.minimum((number + _PRIMARY_HEADS - 1) // _PRIMARY_HEADS, 2)
     drop = np.asarray(scenario.head_drop_m)[batch] * u.take(plants, slots)
@@ -266,10 +267,10 @@ def fixed_order(
     stops = scenario.stops
     left = stop_centres(scenario)[0] - 0.5 * scenario.window_m
     along = position[..., 0] - left
-    stop = np.clip(np.floor(along / scenario.window_m), 0, stops - 1)
-    lane = np.clip(np.floor((along - stop * scenario.window_m) / config.lane_m), 0, 99)
+    stop = np.minimum(np.maximum(np.floor(along / scenario.window_m), 0), stops - 1)
+    lane = np.minimum(np.maximum(np.floor((along - stop * scenario.window_m) / config.lane_m), 0), 99)
     across = np.where(lane % 2.0 == 0.0, position[..., 1], -position[..., 1])
-    key = np.where(seen, 1000.0 * stop + 10.0 * lane + np.clip(across, -4.0, 4.0), np.inf)
+    key = np.where(seen, 1000.0 * stop + 10.0 * lane + np.minimum(np.maximum(across, -4.0), 4.0), np.inf)
     order = np.argsort(key, axis=1, kind="stable")
     rows = np.broadcast_to(np.arange(len(seen))[:, None], seen.shape)
     counts = np.bincount((rows * stops + stop.astype(np.int64))[seen], minlength=len(seen) * stops)

@@ -57,7 +57,7 @@ class PickerPlan(NamedTuple):
     Attributes:
         kind: (B,), effort index, ``DRIVE``, ``NOTHING`` or ``FINISH``.
         slot: (B,), candidate slot, ``slots`` when none.
-        track: (B,), report behind it.
+        report: (B,), flat index of the report behind it, an empty one when there is none.
         start: (B, 3), metres.
         target: (B, 3), metres.
         rise_s: (B,), seconds of the rise to the traverse level.
@@ -69,7 +69,7 @@ class PickerPlan(NamedTuple):
 
     kind: NDArray[np.int64]
     slot: NDArray[np.int64]
-    track: NDArray[np.int64]
+    report: NDArray[np.int64]
     start: Array
     target: Array
     rise_s: Array
@@ -182,6 +182,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.pose = np.zeros((b, 3))
         self.rise_s = np.zeros(b)
         self.totals = np.zeros((b, _LAST + 1))
+        self._per_total = np.zeros(b)
 
     def reset_rows(self, rows: Rows, generators: Sequence[np.random.Generator]) -> None:
         """Draw new fields for ``rows`` and put the carts at their first stop, reports taken."""
@@ -197,13 +198,14 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.head_size_m[rows, :-1] = heads.size_m
         self.head_mass_g[rows, :-1] = heads.mass_g
         self.head_visited[rows] = False
-        luck = np.stack([heads.cut_luck, heads.drop_luck], axis=-1)
-        self.head_odds[rows, :-1] = np.exp(self.config.process.luck_logit * luck)
+        self.head_odds[rows, :-1, 0] = np.exp(self.config.process.luck_logit * heads.cut_luck)
+        self.head_odds[rows, :-1, 1] = np.exp(self.config.process.luck_logit * heads.drop_luck)
         self.plant_base[rows], self.plant_height_m[rows] = plants.base, plants.height_m
         self.plant_crown_m[rows] = plants.crown_m
         self.episode[rows] += 1
         self.totals[rows] = 0.0
         self.totals[rows, _TOTAL] = heads.mass_g.sum(axis=1)
+        self._per_total[rows] = 1.0 / np.maximum(self.totals[rows, _TOTAL], 1e-12)
         self.totals[rows, _MISSED] = np.count_nonzero(heads.mass_g, axis=1)
         self.totals[rows, _TIME] = self.totals[rows, _PHASES.start] = self.config.process.recognise_s
         self.pose[rows, 0] = self._centres[0] - self.config.machine.picker.camera_ahead_m
@@ -250,8 +252,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def plan(self, actions: NDArray[np.int64]) -> PickerPlan:
         """Turn actions (B,) into motions and nominal phase times."""
         slot, effort = np.divmod(actions, len(EFFORTS))
-        track = self.slot_track[self._rows, slot]
-        place = self._track_offset + track
+        place = self._track_offset + self.slot_track[self._rows, slot]
         driving = slot == self.config.slots
         kind = np.where(self.track_legal.take(place), effort, NOTHING)
         start, rise_s = self.pose, self.rise_s
@@ -267,6 +268,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
             target[finish, 2] = self._clear_m
             target[nothing] = start[nothing]
             slot = np.where(nothing, self.config.slots, slot)
+            place = np.where(nothing, self._track_offset + self.config.scenario.max_tracks, place)
             next_rise_s = np.where(nothing, rise_s, descent_s)
             rise_s, descent_s = np.where(nothing, 0.0, rise_s), np.where(nothing, 0.0, descent_s)
         strokes = target[:, :2] - start[:, :2]
@@ -276,14 +278,13 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         phases[:, 1] = drive_s = beside * driving
         phases[:, 2] = rise_s + descent_s + (beside - drive_s)
         phases[:, 3] = self.config.machine.settle_s * (np.abs(strokes[:, 0]) > _STILL_M)
-        return PickerPlan(kind, slot, track, start, target, rise_s, beside_s, descent_s, phases, next_rise_s)
+        return PickerPlan(kind, slot, place, start, target, rise_s, beside_s, descent_s, phases, next_rise_s)
 
     def apply(self, plan: PickerPlan, outcome: PickerOutcome) -> StepResult:
         """Cut, collect, book the time and move to the next decision."""
         kind = plan.kind
         picking = kind < DRIVE
-        head = np.where(picking, self.track_head.take(self._track_offset + plan.track), self._no_head)
-        place = self._head_offset + head
+        place = self._head_offset + self.track_head.take(plan.report)
         error = self.head_position.reshape(-1, 3).take(place, axis=0) - outcome.tool
         odds = self.head_odds.reshape(-1, 2).take(place, axis=0)
         mass = self.head_mass_g.take(place)
@@ -331,8 +332,8 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         offset = self.track_target.reshape(-1, 3).take(place, axis=0) - self.pose[:, None]
         beside_s = shortest(offset[..., :2], self._beside_pace, self._beside_square_pace)
         travel_s = np.maximum(beside_s[..., 0], beside_s[..., 1]) + self.track_descent_s.take(place)
-        feature[..., 1] = offset[..., 0] * (1.0 / AHEAD_SCALE_M) * present
-        feature[..., 4] = (travel_s + self.rise_s[:, None]) * (1.0 / TRAVEL_SCALE_S) * present
+        feature[..., 1] = offset[..., 0] * present * (1.0 / AHEAD_SCALE_M)
+        feature[..., 4] = (travel_s + self.rise_s[:, None]) * present * (1.0 / TRAVEL_SCALE_S)
         machine = np.empty((self.worlds, len(MACHINE_FEATURES)), np.float32)
         machine[:, :3] = (self.pose - self._stop_pose.take(self.stop, axis=0)) * self._pose_scale
         machine[:, 3] = self.totals[:, _TIME] * (1.0 / self.config.scenario.time_limit_s)
@@ -347,7 +348,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         """Scorecard so far; see ``score_names``. The net rate is eq. 35 over every open head of the field."""
         t = self.totals
         result = np.empty((self.worlds, len(self.score_names)))
-        result[:, 0] = t[:, _GAINED] / np.maximum(t[:, _TOTAL], 1e-12)
+        result[:, 0] = t[:, _GAINED] * self._per_total
         result[:, 1] = t[:, _LAST] / np.maximum(t[:, _DONE], 1.0)
         per_minute = 60.0 / t[:, _TIME]
         result[:, 2] = t[:, _DONE] * per_minute
