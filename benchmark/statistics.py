@@ -18,6 +18,10 @@ BOOTSTRAP_SEED = 20220117
 """Fixed, so that a table made twice from the same episodes is the same table."""
 
 
+FEWEST_PAIRS = 6
+"""Below this even pairs that all point the same way could be chance: 2 * 0.5**5 > 0.05."""
+
+
 @dataclass(frozen=True)
 class Estimate:
     """A statistic of n episodes with its bootstrap interval.
@@ -41,8 +45,8 @@ class Difference(Estimate):
 
     @property
     def significant(self) -> bool:
-        """Whether the interval leaves out 0; two policies that never differ are not significantly different."""
-        return self.low > 0.0 or self.high < 0.0
+        """Whether enough pairs were seen and the interval leaves out 0."""
+        return self.n >= FEWEST_PAIRS and (self.low > 0.0 or self.high < 0.0)
 
 
 def mean(values: ArrayLike) -> Estimate:

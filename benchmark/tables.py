@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .episode import Record
-from .statistics import Difference, Estimate, interquartile_mean, mean, paired_difference
+from .statistics import FEWEST_PAIRS, Difference, Estimate, interquartile_mean, mean, paired_difference
 from .store import condition, write_atomically
 from .suites import Case, Condition
 
@@ -136,8 +136,10 @@ class Column:
         if not math.isfinite(estimate.low):
             return value, ""
         interval = f"{self._text(estimate.low)} .. {self._text(estimate.high)}"
-        unclear = isinstance(estimate, Difference) and not estimate.significant
-        return value, interval + (" n.s." if unclear else "")
+        doubt = ""
+        if isinstance(estimate, Difference) and not estimate.significant:
+            doubt = " few" if estimate.n < FEWEST_PAIRS else " n.s."
+        return value, interval + doubt
 
     def _text(self, value: float, sign: str = "") -> str:
         rounded = round(self.scale * value, self.digits) + 0.0  # adding zero turns -0.0 into 0.0
@@ -156,14 +158,9 @@ WIDE = 110
 """Characters from which a terminal shows all columns."""
 
 LEGEND = (
-    "Means over episodes with 95 % bootstrap intervals. Differences are to {reference} on the same seeds; "
-    "n.s.: the interval holds 0."
+    "Means over episodes with 95 % bootstrap intervals. Differences are to the policy in bold, paired by seed; "
+    f"n.s.: the interval holds 0; few: under {FEWEST_PAIRS} pairs, too few to tell."
 )
-
-
-def legend(rows: Sequence[Row]) -> str:
-    """What the tables of ``rows`` show."""
-    return LEGEND.format(reference=" or ".join(dict.fromkeys(row.reference for row in rows)))
 
 
 def conditions(rows: Iterable[Row]) -> dict[Condition, list[Row]]:
@@ -213,8 +210,9 @@ def markdown(rows: Iterable[Row]) -> str:
         for row in members:
             texts = [column.cell(row) for column in COLUMNS]
             cells = [f"{value} ({interval})" if interval else value for value, interval in texts]
-            lines.append(f"| {row.policy} | {row.episodes} | " + " | ".join(cells) + " |")
-        parts.append("\n".join([*lines, "", legend(members), "", *_phases(members), ""]))
+            name = f"**{row.policy}**" if row.policy == row.reference else row.policy
+            lines.append(f"| {name} | {row.episodes} | " + " | ".join(cells) + " |")
+        parts.append("\n".join([*lines, "", LEGEND, "", *_phases(members), ""]))
     return "\n".join(parts)
 
 

@@ -56,7 +56,7 @@ def main(
         for table in tables.terminal_tables(rows, console.width):
             console.print(table)
         if rows:
-            console.print(tables.legend(rows), style="dim", highlight=False)
+            console.print(tables.LEGEND, style="dim", highlight=False)
         written = tables.write(rows, folder)
     except store.ResultsError as error:
         raise CommandError(str(error)) from None

@@ -55,7 +55,12 @@ def test_a_difference_whose_interval_holds_zero_is_not_significant():
     assert difference.low < 0.0 < difference.high
     assert not difference.significant
     assert not statistics.paired_difference([1.0, 2.0], [1.0, 2.0]).significant
-    assert statistics.paired_difference([1.0, 2.0], [0.0, 1.0]).significant
+
+
+def test_too_few_pairs_are_never_significant():
+    one, zero = np.ones(statistics.FEWEST_PAIRS), np.zeros(statistics.FEWEST_PAIRS)
+    assert statistics.paired_difference(one, zero).significant
+    assert not statistics.paired_difference(one[1:], zero[1:]).significant
 
 
 @pytest.mark.parametrize("values", [[], [np.nan]])

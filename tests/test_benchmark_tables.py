@@ -56,7 +56,7 @@ def test_rows_follow_the_suite_and_hold_the_means(rows: list[tables.Row]):
 
 def test_differences_are_paired_and_only_to_the_reference(rows: list[tables.Row]):
     faster = rows[0].differences["cycle_time_s"]
-    assert (faster.value, faster.n, faster.significant) == (pytest.approx(-2.0), 3, True)
+    assert (faster.value, faster.n, faster.significant) == (pytest.approx(-2.0), 3, False)
     assert rows[0].differences["net_rate"].value == pytest.approx(-0.01)
     assert rows[1].differences == {}
 
@@ -94,6 +94,10 @@ def test_cells_show_intervals_signs_and_doubt():
     assert tables.COLUMNS[2].cell(plain) == ("-", "")
 
 
+def test_few_pairs_are_called_few(rows: list[tables.Row]):
+    assert tables.COLUMNS[3].cell(rows[0]) == ("-2.00", "-2.00 .. -2.00 few")
+
+
 @pytest.mark.parametrize("width", [80, 132])
 def test_the_terminal_table_fits_its_width_and_names_every_policy(rows: list[tables.Row], width: int):
     from rich.console import Console
@@ -119,9 +123,11 @@ def test_files_hold_the_same_figures(tmp_path: Path, rows: list[tables.Row]):
     assert float(by_score["pots", "swift", "cycle_time_s_minus_reference"]["value"]) == pytest.approx(-2.0)
     loaded = json.loads((tmp_path / "summary.json").read_text())
     assert loaded[0]["scores"]["net_rate"]["value"] == pytest.approx(0.84)
-    assert loaded[0]["differences"]["cycle_time_s"]["significant"] is True
+    assert loaded[0]["differences"]["cycle_time_s"]["significant"] is False
     assert loaded[2]["scores"]["cycle_time_s"]["value"] is None
-    assert "| swift | 3 | 84.00 (" in (tmp_path / "summary.md").read_text()
+    markdown = (tmp_path / "summary.md").read_text()
+    assert "| swift | 3 | 84.00 (" in markdown
+    assert "| **plain** | 3 | 85.00 (" in markdown
 
 
 def test_markdown_tells_where_the_seconds_of_a_target_go():
