@@ -49,13 +49,10 @@ def solve(
         # Millionths a millisecond: the price is rounded down so that the bound stays one.
         price = math.floor(second * _MICRO / _MS)
     spent, value, last_decision = [], [], []
-    reached_before = None
+    reached_before, leave_last = model.new_constant(1), 0
     for stop, worth in zip(stops, worths, strict=True):
         reached, driven = model.new_bool_var(""), model.new_bool_var("")
-        if reached_before is None:
-            model.add(reached == 1)
-        else:
-            model.add(reached == reached_before)
+        model.add(reached == reached_before)
         n, options = worth.shape if stop.targets else (0, 0)
         arcs, arc_s = [], np.floor(stop.approach_s * _MS).astype(int)
         leave_ms = np.floor(stop.leave_s * _MS).astype(int)

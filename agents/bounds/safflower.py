@@ -147,7 +147,8 @@ def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array) -> A
         cut = cut_share(process, process.strokes[effort], error, odds[:, 0])
         dropped = dropped_share(process, process.suction_s[effort])
         columns.append(mass * cut * collected_share(dropped, odds[:, 1]))
-    return np.stack(columns, axis=1)
+    gains: Array = np.stack(columns, axis=1).astype(np.float64)
+    return gains
 
 
 def _stop(core: SafflowerCore, stop: int, target: Array, gain: Array, mass: Array, slack_m: float) -> Stop:
