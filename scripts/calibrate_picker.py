@@ -61,7 +61,7 @@ def run_protocol(process: ProcessConfig, worlds: int, perception: str = "model")
     rows, grams = np.arange(worlds), core.score_names.index("collected_g")
     while not over.all():
         actions = policy.act(observation)
-        head = core.track_head[rows, core.slot_track[rows, actions // 3]]
+        head = core.track_head.take(core.slot_report[rows, actions // 3])
         before = core.scores()[:, grams]
         observation, _, terminated, truncated, _ = env.step(actions)
         picked = ~over & (head < mass.shape[1])

@@ -89,9 +89,9 @@ def test_a_centred_pick_brings_what_strokes_and_suction_say_and_mass_is_conserve
 
 def test_slots_close_up_in_order_and_driving_on_ends_the_last_stop():
     core = toy([(-0.1, 0.0, 0.80), (0.0, 0.02, 0.80), (0.1, 0.0, 0.80)])
-    assert core.slot_track[0, :3].tolist() == [0, 1, 2]
+    assert core.slot_report[0, :3].tolist() == [0, 1, 2]
     decide(core, 3 * 1 + 0)
-    assert core.slot_track[0, :3].tolist() == [0, 2, core.config.scenario.max_tracks]
+    assert core.slot_report[0, :3].tolist() == [0, 2, core.config.scenario.max_tracks]
     plan, result = decide(core, 3 * 4)
     assert plan.kind[0] == DRIVE and not result.terminated[0] and core.look_due[0]
     plan, result = decide(core, 3 * 4)
@@ -160,7 +160,7 @@ def test_steps_draw_no_chance_and_luck_belongs_to_the_head():
         state = env.np_random.bit_generator.state
         grams = {}
         for slot in order:
-            head = int(env.core.track_head[0, env.core.slot_track[0, slot]])
+            head = int(env.core.track_head.take(env.core.slot_report[0, slot]))
             grams[head] = env.step(3 * slot + 1)[-1]["rewards"]["collected"]
         assert env.np_random.bit_generator.state == state
         gains.append(grams)

@@ -173,7 +173,9 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.track_legal = np.zeros((b, tracks + 1), bool)
         self.track_head = np.full((b, tracks + 1), heads)
         self.first = np.zeros((b, scenario.stops + 1), np.int64)
-        self.slot_track = np.full((b, k + 1), tracks)
+        # Flat indices into the reports; the last column is the empty slot that driving on points at.
+        self._empty = self._track_offset + tracks
+        self.slot_report = np.repeat(self._empty[:, None], k + 1, axis=1)
         self.cursor, self.stop_end = np.zeros(b, np.int64), np.zeros(b, np.int64)
         self.remaining = np.zeros(b, np.int64)
         self.stop = np.zeros(b, np.int64)
@@ -252,7 +254,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def plan(self, actions: NDArray[np.int64]) -> PickerPlan:
         """Turn actions (B,) into motions and nominal phase times."""
         slot, effort = np.divmod(actions, len(EFFORTS))
-        place = self._track_offset + self.slot_track[self._rows, slot]
+        place = self.slot_report[self._rows, slot]
         driving = slot == self.config.slots
         kind = np.where(self.track_legal.take(place), effort, NOTHING)
         start, rise_s = self.pose, self.rise_s
@@ -268,7 +270,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
             target[finish, 2] = self._clear_m
             target[nothing] = start[nothing]
             slot = np.where(nothing, self.config.slots, slot)
-            place = np.where(nothing, self._track_offset + self.config.scenario.max_tracks, place)
+            place = np.where(nothing, self._empty, place)
             next_rise_s = np.where(nothing, rise_s, descent_s)
             rise_s, descent_s = np.where(nothing, 0.0, rise_s), np.where(nothing, 0.0, descent_s)
         strokes = target[:, :2] - start[:, :2]
@@ -325,7 +327,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
 
     def observe(self) -> dict[str, NDArray[np.float32 | np.int8]]:
         """What the machine knows: itself, the candidates of this stop, what it may do."""
-        place = self._track_offset[:, None] + self.slot_track[:, :-1]
+        place = self.slot_report[:, :-1]
         feature = self.track_feature.reshape(-1, len(CANDIDATE_FEATURES)).take(place, axis=0)
         present = feature[..., 0]
         # Tool and cart travel side by side after the rise that every candidate shares; see plan().
@@ -371,10 +373,10 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         """Close the gap that a picked candidate leaves, in order; refill the slots after a drive."""
         more = picking & (self.cursor < self.stop_end)
         self.remaining -= picking
-        slots, empty = self.slot_track, self.track_legal.shape[1] - 1
-        slots[:, -1] = np.where(more, self.cursor, empty)
+        slots = self.slot_report
+        slots[:, -1] = np.where(more, self.cursor, self._empty)
         slots[:, :-1] = np.where(self._slots < plan.slot[:, None], slots[:, :-1], slots[:, 1:])
-        slots[:, -1] = empty
+        slots[:, -1] = self._empty
         self.cursor += more
         driven = plan.kind == DRIVE
         if np.count_nonzero(driven):
@@ -388,10 +390,10 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def _fill_slots(self, chosen: NDArray[np.bool_]) -> None:
         """Show the first reports of the stop in the chosen worlds (B,)."""
         place = self._first_offset + self.stop
-        begin, end = self.first.take(place), self.first.take(place + 1)
-        tracks = begin[:, None] + self._slots
-        filled = np.where(tracks < end[:, None], tracks, self.track_legal.shape[1] - 1)
-        self.slot_track[:, :-1] = np.where(chosen[:, None], filled, self.slot_track[:, :-1])
+        begin, end = self._track_offset + self.first.take(place), self._track_offset + self.first.take(place + 1)
+        reports = begin[:, None] + self._slots
+        filled = np.where(reports < end[:, None], reports, self._empty[:, None])
+        self.slot_report[:, :-1] = np.where(chosen[:, None], filled, self.slot_report[:, :-1])
         self.cursor = np.where(chosen, np.minimum(begin + self.config.slots, end), self.cursor)
         self.stop_end = np.where(chosen, end, self.stop_end)
         self.remaining = np.where(chosen, end - begin, self.remaining)
