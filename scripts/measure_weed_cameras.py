@@ -177,6 +177,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--write", action="store_true", help="write the fit to the package's assets")
     chosen = parser.parse_args(arguments)
     measured: dict[str, Any] = {}
+    model: dict[str, object] = {}
     for tier, strips in STRIPS.items():
         result = measure(tier, strips)
         model = fit(result)

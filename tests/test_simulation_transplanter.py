@@ -1,6 +1,7 @@
 """The transplanter in PyBullet: it tracks and closes, its torques are those of the inverse dynamics, it looks whole."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ LIMIT_M = 0.5e-3
 PAYLOAD_KG = 0.3
 
 
-def gate(style: str) -> Gate:
+def gate(style: Any) -> Gate:
     return Gate(style, 4.5, 60.0, 0.0 if style.startswith("stop") else 0.05)
 
 

@@ -1,5 +1,7 @@
 """The weeder in PyBullet: spot error while following, closure, force limits, agreement of the backends."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -66,7 +68,7 @@ def test_a_jump_is_refused():
 def test_backends_agree():
     scores = {}
     for backend in ("analytic", "pybullet"):
-        env = LaserWeedingEnv("load-1.25", backend, "model")
+        env: Any = LaserWeedingEnv("load-1.25", backend, "model")
         rule = EarliestDeadline(env.core.config)
         rows = []
         for seed in range(3):

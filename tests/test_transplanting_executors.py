@@ -18,7 +18,7 @@ from fieldgym.envs.transplanting.config import (
     TransplantingConfig,
 )
 from fieldgym.envs.transplanting.executor import EMPTY_HANDED, moves
-from fieldgym.envs.transplanting.task import TransplantingCore
+from fieldgym.envs.transplanting.task import TransplantingCore, TransplantOutcome
 from fieldgym.scripts.transplanting_rates import longest_stroke_m
 
 ID = "fieldgym/TrayTransplanting-v0"
@@ -68,7 +68,7 @@ def test_moves_of_a_decision_add_up_to_its_plan():
             assert move.limit == EMPTY_HANDED or move.loaded
         assert times["travel"] == pytest.approx(plan.phases_s[0, 0], abs=1e-12)
         assert times["carry"] == pytest.approx(plan.phases_s[0, 1], abs=1e-12)
-        core.apply(plan, type("Outcome", (), {"phases_s": plan.phases_s, "error_m": np.zeros((1, 2))})())
+        core.apply(plan, TransplantOutcome(plan.phases_s, np.zeros((1, 2))))
 
 
 def test_the_cameras_reports_reach_the_rules_row_by_row():

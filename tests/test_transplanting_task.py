@@ -266,7 +266,8 @@ def test_out_and_back_rates_over_the_full_gate(motion, radius_m, published):
     )
     env.reset(seed=1)
     first = env.step(2)[-1]["phases_s"]
-    env.step(3), env.step(4)
+    env.step(3)
+    env.step(4)
     second = env.step(2)[-1]["phases_s"]
     core = env.unwrapped.core
     there, back = core.motions.carry_s[2, 0], core.motions.approach_s[0, 1, 0]

@@ -1,6 +1,7 @@
 """The weeding rules on strips that can be checked by hand, the aim against its own inverse, and the process."""
 
 from dataclasses import replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -323,7 +324,7 @@ def test_the_beam_search_finds_what_brute_force_finds():
 
 
 def test_speed_variant_changes_speed_by_notches_within_its_range():
-    env = gym.make("fieldgym/LaserWeedingSpeed-v0", backend="analytic", scenario="load-1.0")
+    env: Any = gym.make("fieldgym/LaserWeedingSpeed-v0", backend="analytic", scenario="load-1.0")
     env.reset(seed=0)
     core = env.unwrapped.core
     wait, block = core.base_actions - 1, core.base_actions

@@ -167,7 +167,7 @@ def _stop(core: SafflowerCore, stop: int, target: Array, gain: Array, mass: Arra
     def beside(begin: Array, end: Array, slack: float) -> Array:
         along, across = end[..., 0] - begin[..., 0], end[..., 1] - begin[..., 1]
         settle = config.machine.settle_s * (np.abs(along) - slack > _STILL_M)
-        return np.maximum(leg(along, slack, True), leg(across, slack, False)) + settle
+        return np.asarray(np.maximum(leg(along, slack, True), leg(across, slack, False)) + settle, np.float64)
 
     begins = np.vstack([here, target])
     # A tool that is held too high cuts less, not nothing: with any reports a descent may be left out.
