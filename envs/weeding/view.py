@@ -34,7 +34,8 @@ class FrontCamera:
         """Begin before the strip: the machine has been driving for a camera's view already."""
         self._scene, self._drift = scene, drift
         self.tracker = WeedTracker()
-        self.next_m = start_m - scene.config.cart.seen_ahead_m
+        # Pictures from before the strip came into view show nothing of it.
+        self.next_m = max(start_m, 0.0) - scene.config.cart.seen_ahead_m
         self.last: tuple[NDArray[np.uint8], Seedlings] | None = None
 
     def drive(self, cart_m: float) -> None:
