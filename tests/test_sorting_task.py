@@ -40,13 +40,13 @@ GRIP = GripConfig()
 SPEED = BeltConfig().speed_m_s
 
 
-def toy(items: list[dict], luck: float = 0.5, **changes) -> SortingCore:
+def toy(items: list[dict], luck: float = 0.5, slip: float = 0.5, **changes) -> SortingCore:
     """Items reported exactly as they are, each passing x = 0 at ``arrival_s``; level tubers in line unless told."""
     config = replace(SortingConfig(), **changes)
     core = SortingCore(config, None, 1)
     core.reset_rows(np.array([0]), [np.random.default_rng(0)])
     core.item_free[:], core.item_place[:] = False, np.inf
-    core._truth[11:] = luck
+    core._truth[11], core._truth[12] = luck, slip
     n = len(items)
     standard = {"arrival_s": 0.0, "y_m": 0.0, "yaw": 0.0, "tilt": 0.0, "azimuth": 0.0, "length_m": 0.060,
                 "width": 0.7, "thickness": 0.5, "grade": 0, "true_grade": None}  # fmt: skip
@@ -60,6 +60,7 @@ def toy(items: list[dict], luck: float = 0.5, **changes) -> SortingCore:
     core._truth[3:6, 0, :n], core._truth[6:9, 0, :n] = turned[:, :, 0].T, turned[:, :, 2].T
     core._truth[9, 0, :n] = (1.0 - table["width"]) ** 2
     core._truth[10, 0, :n] = (1.0 - table["thickness"]) ** 2
+    core._truth[1, 0, :n] += [item.get("beside_m", 0.0) for item in items]
     core.item_free[0, :n] = True
     truth = [item.get("true_grade", item.get("grade", 0)) for item in items]
     core.item_grade[0, :n] = truth
@@ -136,15 +137,17 @@ def test_an_empty_grip_leaves_the_platform_turned_over_the_belt_and_the_item_on_
 
 def test_a_slip_on_the_way_is_a_dropped_item():
     # The fingers close 6 mm beside the item: quality exp(-(6/8)^2 / 2) = 0.755, so that it slips 8.6 % of the times.
-    core = toy([{"arrival_s": 0.5}])
-    core._truth[1, 0, 0] += 0.006
-    core._truth[12] = 0.08
+    core = toy([{"arrival_s": 0.5, "beside_m": 0.006}], slip=0.08)
     _, result = decide(core, 0)
     assert result.rewards[0].tolist() == [0.0, 0.0, core.config.weights.dropped, 0.0]
-    core = toy([{"arrival_s": 0.5}])
-    core._truth[1, 0, 0] += 0.006
-    core._truth[12] = 0.09
+    core = toy([{"arrival_s": 0.5, "beside_m": 0.006}], slip=0.09)
     assert decide(core, 0)[1].rewards[0, 0] == 1.0
+
+
+def test_what_is_foreseen_is_what_the_fingers_get_where_the_plan_puts_them():
+    for core, plan, row, _ in _plans(16, 6):
+        seen, got = core.foreseen(plan), core.grip(plan, plan.grip, plan.axes)
+        assert seen.held[row] == got.held[row] and seen.lost[row] == got.lost[row]
 
 
 def test_what_leans_too_far_is_shown_but_refused_with_the_reason():

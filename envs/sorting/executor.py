@@ -29,7 +29,7 @@ class AnalyticSorter:
 
     def execute(self, plan: SorterPlan) -> SorterOutcome:
         """What the plan says."""
-        grip = self._core.grip(plan, plan.grip, plan.axes)
+        grip = self._core.foreseen(plan)
         return SorterOutcome(self._core.phases_of(plan, grip.held), grip)
 
     def close(self) -> None:
@@ -62,7 +62,7 @@ class PyBulletSorter:
         """Drive the motion and say how long it took and what the fingers got."""
         core, machine = self._core, self._machine
         if plan.kind[0] != PICK:
-            grip = core.grip(plan, plan.grip, plan.axes)
+            grip = core.foreseen(plan)
             return SorterOutcome(plan.phases_s, grip)
         motion = PickMotion(core.config, plan)
         closing = int(np.ceil(motion.closing_s / self._dt))

@@ -160,7 +160,10 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self._no_item, self._no_report = items, reports
         self._rows, self._slots = np.arange(b), np.arange(k)
         self._window = np.arange(k + _WINDOW_MORE)
-        self._item_offset, self._report_offset = self._rows * (items + 1), self._rows * (reports + 1)
+        width = reports + 1 + len(self._window)
+        self._item_offset, self._report_offset = self._rows * (items + 1), self._rows * width
+        self._empty_place = (self._report_offset + reports)[:, None]
+        self._gone = np.zeros((b, len(self._window) + 1), bool)
         # True items, one row a quantity so that a gather brings contiguous columns; the last item is none.
         self._truth = np.zeros((13, b, items + 1))
         self.item_place = np.full((b, items + 1, 3), np.inf)
@@ -169,16 +172,18 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self.item_shape = np.zeros((b, items + 1, 7))
         self.total, self.total_value = np.zeros(b), np.zeros(b)
         self.end_s = np.zeros(b)
-        # Reports in the order in which they leave; the last one is none.
-        self._columns = np.zeros((len(COLUMNS), b, reports + 1))
-        self._feature = np.zeros((b, reports + 1, len(CANDIDATE_FEATURES)), np.float32)
-        self.leave_s = np.full((b, reports + 1), np.inf)
-        self.seen_s = np.full((b, reports + 1), np.inf)
-        self.report_item = np.full((b, reports + 1), items)
-        self.report_grade = np.zeros((b, reports + 1), np.int64)
+        # Reports in the order in which they leave; what comes after them is none.
+        self._columns = np.zeros((len(COLUMNS), b, width))
+        self._feature = np.zeros((b, width, len(CANDIDATE_FEATURES)), np.float32)
+        self.leave_s = np.full((b, width), np.inf)
+        self.seen_s = np.full((b, width), np.inf)
+        self.report_item = np.full((b, width), items)
+        self.report_grade = np.zeros((b, width), np.int64)
+        self.report_held, self.report_lost = np.zeros((2, b, width), bool)
         self._first = np.zeros(b, np.int64)
         self.place = np.zeros((b, 2))
         self.turn = np.zeros((b, 4))
+        self._level = np.ones(b, bool)
         self.totals = np.zeros((b, 9))
         self.phases_s = np.zeros((b, len(self.phase_names)))
         self.sensor_seed = np.zeros(b, np.int64)
@@ -215,7 +220,7 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         last = np.where(items.exists, items.arrival_s, -np.inf).max(axis=1)
         self.end_s[rows] = np.maximum(last + self.config.belt.exit_x_m / self._speed, 0.0)
         self.totals[rows], self.phases_s[rows] = 0.0, 0.0
-        self.place[rows], self.turn[rows] = 0.0, (1.0, 0.0, 0.0, 0.0)
+        self.place[rows], self.turn[rows], self._level[rows] = 0.0, (1.0, 0.0, 0.0, 0.0), True
         self._first[rows] = 0
         self.episode[rows] += 1
         self.sensor_seed[rows] = (camera_uniform[:, 0] * 2.0**52).astype(np.int64)
@@ -246,6 +251,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self.seen_s[row, :m] = np.concatenate([old["seen_s"], part.seen_s[0]])[order]
         self.report_item[row, :m] = np.concatenate([old["report_item"], part.item[0]])[order]
         self.report_grade[row, :m] = np.concatenate([old["report_grade"], part.grade[0]])[order]
+        held, lost = self._foresee(np.array([row]), self._columns[:, [row], :m], self.report_item[[row], :m])
+        self.report_held[row, :m], self.report_lost[row, :m] = held[0], lost[0]
         for name, nothing in (("leave_s", np.inf), ("seen_s", np.inf), ("report_item", self._no_item)):
             getattr(self, name)[row, m:] = nothing
         self._feature[row, m:] = 0.0
@@ -302,12 +309,16 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         tool = position.T - self.config.machine.sorter.tool_m * axes[3:]
         off = tool - truth[:3]
         off[0] = tool[0] - self._speed * (closing_s - truth[0])
-        in_line = axes * truth[3:9]
-        cosines = in_line[0::3] + in_line[1::3] + in_line[2::3]
-        misfit = (1.0 - cosines * cosines) * truth[9:11]
-        quality = grip_quality(self.config.grip, off, misfit) * self.item_free.take(item)
-        held = holds(self.config.grip, quality, truth[11])
-        return Grip(held, held & slips(self.config.grip, quality, truth[12]))
+        held, lost = self._fate(off, axes, truth)
+        held &= self.item_free.take(item)
+        return Grip(held, lost & held)
+
+    def foreseen(self, plan: SorterPlan) -> Grip:
+        """What the fingers get when the platform is exactly where the plan wants it: known since the report came."""
+        at = self._report_offset + plan.report
+        held = self.report_held.take(at)
+        held &= self.item_free.take(self._item_offset + self.report_item.take(at))
+        return Grip(held, self.report_lost.take(at) & held)
 
     def phases_of(self, plan: SorterPlan, held: NDArray[np.bool_]) -> Array:
         """Nominal seconds (B, 7) of each phase: after an empty grip the platform only comes to rest."""
@@ -438,12 +449,41 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
             return "no item in this slot"
         return explain(self.config, self._columns[:, row, report], float(self.totals[row, _TIME]))
 
+    def _fate(self, off: Array, axes: Array, truth: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Whether the fingers hold, and whether the item would slip on the way, (...), if it is there.
+
+        Args:
+            off: tool less item's centre, (3, ...), metres.
+            axes: the tool's x and z axes, (6, ...).
+            truth: the items' numbers, (13, ...).
+        """
+        in_line = axes * truth[3:9]
+        cosines = in_line[0::3] + in_line[1::3] + in_line[2::3]
+        misfit = (1.0 - cosines * cosines) * truth[9:11]
+        quality = grip_quality(self.config.grip, off, misfit)
+        return holds(self.config.grip, quality, truth[11]), slips(self.config.grip, quality, truth[12])
+
+    def _foresee(
+        self, rows: Rows, columns: Array, item: NDArray[np.int64]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """``_fate`` of reports (R, M) when the tool goes where they say: the belt's speed cancels out."""
+        truth = self._truth.reshape(len(self._truth), -1).take(self._item_offset[rows][:, None] + item, axis=1)
+        axes = columns[16:22]
+        off = columns[[1, 1, 14]] - self.config.machine.sorter.tool_m * axes[3:]
+        off[1:] -= truth[1:3]
+        off[0] += self._speed * (truth[0] - columns[0]) - columns[1]
+        return self._fate(off, axes, truth)
+
     def _move(self, plan: SorterPlan, picking: NDArray[np.bool_], held: NDArray[np.bool_]) -> None:
         """Put the platforms where the decision leaves them: over the bin, or at rest over the belt."""
         if held.all():
             self.place = plan.bin
-            self.turn = np.zeros((len(held), 4))
-            self.turn[:, 0] = 1.0
+            if not self._level.all():
+                self.turn = np.zeros((len(held), 4))
+                self.turn[:, 0] = 1.0
+                self._level = np.ones(len(held), bool)
+            return
+        if not picking.any():
             return
         place, turn = self.place.copy(), self.turn.copy()
         place[held], turn[held] = plan.bin[held], (1.0, 0.0, 0.0, 0.0)
@@ -453,6 +493,7 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         place[empty, 0] += self._speed * (follow_s + 0.5 * self.config.machine.stop_s)
         turn[empty] = plan.turn[empty]
         self.place, self.turn = place, turn
+        self._level = (self._level | held) & ~empty
 
     def _survey(self) -> _Survey:
         """Look at every candidate from now; kept until something changes."""
@@ -465,21 +506,25 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         place = self._candidates(t)
         p = self._columns[:SURVEYED].reshape(SURVEYED, -1).take(place, axis=1)
         v, half_v = self._speed, 0.5 * self._speed
-        y0 = self.place[:, 1:]
-        cosine = np.abs(np.add.reduce(p[6:10] * self.turn.T[:, :, None], axis=0))
-        turn = 2.0 * np.arccos(np.minimum(cosine, 1.0))
-        least = np.maximum(turn * self._by_rate, np.sqrt(turn * self._by_twist))
-        np.maximum(least, self.config.machine.shortest_move_s, out=least)
+        x0, y0 = self.place[:, :1], self.place[:, 1:]
+        least = p[10]
+        if not self._level.all():
+            # From level a turn takes what it takes back to level: that is known since the report came.
+            cosine = np.abs(np.add.reduce(p[6:10] * self.turn.T[:, :, None], axis=0))
+            turn = 2.0 * np.arccos(np.minimum(cosine, 1.0))
+            other = np.maximum(turn * self._by_rate, np.sqrt(turn * self._by_twist))
+            np.maximum(other, self.config.machine.shortest_move_s, out=other)
+            least = np.where(self._level[:, None], least, other)
         x_now = (t - p[0]) * v
         across = p[1] - y0
         across *= across
         # The item moves on while the tool comes: the time is a fixed point. The belt is slow against the tool, so that
         # two rounds bring it to 0.1 % of the distance.
+        ahead, edge = x_now - x0, p[2] - x0
         approach = least + _GUESS_S
         for _ in range(2):
-            follow = half_v * approach
-            along = np.maximum(x_now + (follow + follow), p[2]) - (self.place[:, :1] + follow)
-            approach = self._move_s(along, across, least)
+            follow = v * approach
+            approach = self._move_s(np.maximum(ahead + follow, edge) - 0.5 * follow, across, least)
         meet_x = np.maximum(x_now + v * approach, p[2])
         wait = np.maximum((meet_x - x_now) * (1.0 / v) - approach, 0.0)
         way = p[12] - meet_x - v * p[4]
@@ -495,17 +540,17 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
 
     def _candidates(self, t: Array) -> NDArray[np.int64]:
         """Flat places (B, K) of the first reports, by leaving time, that have come and whose items are there."""
-        offset, none = self._report_offset[:, None], self._no_report
-        number = np.minimum(self._first[:, None] + self._window, none)
-        place = offset + number
-        gone = self.leave_s.take(place) <= t
-        self._first += np.where(gone.all(axis=1), self._window.size, gone.argmin(axis=1))
-        np.minimum(self._first, none, out=self._first)
-        hidden = gone | (self.seen_s.take(place) > t)
-        k = self.config.slots
-        order = hidden.argsort(axis=1, kind="stable")[:, :k]
-        flat = self._rows[:, None] * self._window.size + order
-        return np.where(hidden.take(flat), offset + none, place.take(flat))
+        # The window may look past the last report: behind it lie places that never leave and never come.
+        place = (self._report_offset + self._first)[:, None] + self._window
+        gone = self._gone
+        np.less_equal(self.leave_s.take(place), t, out=gone[:, :-1])
+        self._first += gone.argmin(axis=1)
+        hidden = self.seen_s.take(place) > t
+        hidden |= gone[:, :-1]
+        # Flat places ascend, and none lies behind the empty one: sorting moves what is hidden to the end.
+        shown = np.where(hidden, self._empty_place, place)
+        shown.sort(axis=1)
+        return np.minimum(shown[:, : self.config.slots], self._empty_place)
 
     def _place_reports(self, rows: Rows, reports: Reports) -> None:
         """Write reports and all that can be said of them before they arrive, in the order in which they leave."""
@@ -518,3 +563,5 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self.seen_s[rows, :m] = np.take_along_axis(reports.seen_s, order, axis=1)
         self.report_item[rows, :m] = np.take_along_axis(reports.item, order, axis=1)
         self.report_grade[rows, :m] = np.take_along_axis(reports.grade, order, axis=1)
+        held, lost = self._foresee(rows, self._columns[:, rows, :m], self.report_item[rows, :m])
+        self.report_held[rows, :m], self.report_lost[rows, :m] = held, lost
