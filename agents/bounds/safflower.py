@@ -110,7 +110,7 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
     most = int(np.diff(core.first[row]).max())
     exact = reports == "drawn" and most <= config.slots
     if exact:
-        relaxed = "nothing else"
+        relaxed = "every candidate fits into the slots"
     return PickerInstance(stops, config, float(mass.sum()), config.process.recognise_s, relaxed, exact)
 
 
