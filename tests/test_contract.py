@@ -104,7 +104,7 @@ def test_masks_agree_and_arrays_are_never_shared(env_id):
 
 
 BATCHES = [(env_id, describe(env_id).headline_scenario, "NextStep", 64, 110) for env_id in ENV_IDS]
-BATCHES += [(env_id, describe(env_id).scenarios[-1], mode, 8, 260) for env_id in ENV_IDS for mode in MODES]
+BATCHES += [(env_id, describe(env_id).scenarios[-1], mode, 8, 400) for env_id in ENV_IDS for mode in MODES]
 
 
 @pytest.mark.slow

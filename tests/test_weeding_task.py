@@ -274,7 +274,7 @@ def test_every_tier_runs(scenario):
     _, info = env.reset(seed=0)
     for _ in range(20):
         info = env.step(int(info["action_mask"].argmax()))[-1]
-    assert info["scorecard"]["weeds"] > 50
+    assert info["scorecard"]["weeds"] > 20
 
 
 def test_the_load_is_what_its_name_says():
