@@ -203,7 +203,7 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "load-1.6": _tier(1.6),
     "load-1.0-even": _tier(1.0, clumped=0.0),
     "load-1.6-even": _tier(1.6, clumped=0.0),
-    "dense": _tier(1.0, density=100.0, strip_m=3.2),
+    "dense": _tier(1.0, density=100.0, strip_m=1.6),
 }
 """Tiers by offered load at 40 weeds per m2 (an ordinary infestation), clumped unless they say ``even``; ``dense`` has
 100 per m2 on a shorter strip, driven as slowly as its load of 1.0 asks."""
