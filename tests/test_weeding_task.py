@@ -298,7 +298,7 @@ def test_policies_choose_legal_actions_and_beat_chance(policy):
     assert np.all(info["scorecard"]["illegal"] == 0.0) and info["scorecard"]["done"].sum() > 0
 
 
-def test_the_beam_search_finds_what_brute_force_finds():
+def test_looking_ahead_beats_the_deadline_and_chance_under_load():
     """With full depth and width it serves every weed of a small backlog that can be served; FIFO loses some."""
     results = {}
     for policy in ("receding-horizon", "edf", "random"):
