@@ -164,10 +164,10 @@ class PickerScene:
             pool.clear()
         self._tuft_of_head.clear()
         low, high = self._cart_x_m - _BEHIND_M - _REPLANT_M, self._cart_x_m + _AHEAD_M + _REPLANT_M
-        for plant in np.flatnonzero((field.plant_base[:, 0] > low) & (field.plant_base[:, 0] < high)).tolist():
+        near = (field.plant_base[:, 0] > low) & (field.plant_base[:, 0] < high)
+        for plant in np.flatnonzero(near).tolist():
             self._place_plant(field, plant)
-        along = field.head_position[:, 0]
-        for head in np.flatnonzero((along > low) & (along < high)).tolist():
+        for head in np.flatnonzero(near[field.head_plant]).tolist():
             self._place_head(field, head)
         middle = round(self._cart_x_m / 0.5) * 0.5
         self._pools["ground"].place((middle, 0.0, -0.01))
