@@ -208,6 +208,22 @@ def pybullet_decisions(quick: bool) -> None:
     LINES.append(("single env, PyBullet without camera", f"{max(rates):.0f} decisions/s", "limit 40"))
 
 
+def camera_frames() -> None:
+    """The picker's camera: one rendered RGB-D look, and one look with its heads found."""
+    from fieldgym.perception.blooms import detect_blooms
+
+    for scenario in ("pots", "row"):
+        env: Any = gym.make(SAFFLOWER, backend="analytic", perception="camera", scenario=scenario).unwrapped
+        env.reset(seed=0)
+        look = env.view.look()
+        render_s = best_of(env.view.look, 15)
+        detect_s = best_of(lambda frame=look: detect_blooms(frame.rgb, frame.depth_m, *frame.camera), 15)
+        height, width = look.depth_m.shape
+        note = f"{width} x {height}: render {1e3 * render_s:.0f} ms, detect {1e3 * detect_s:.0f} ms"
+        LINES.append((f"camera frame, {scenario}", f"{1e3 * (render_s + detect_s):.0f} ms", note))
+        env.close()
+
+
 def tracking() -> None:
     """Tracking and closure on the fastest motion that the task commands."""
     from fieldgym.simulation.picker import measure_tracking
@@ -235,6 +251,7 @@ def main() -> None:
             ("single decisions", lambda: analytic_decisions(quick)),
             ("batched decisions", lambda: vector_decisions(quick)),
             ("PyBullet decisions", lambda: pybullet_decisions(quick)),
+            ("camera frames", camera_frames),
             ("tracking", tracking),
         ):
             status.update(f"measuring: {name}")
