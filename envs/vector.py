@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from .core import Array, Executor, OutcomeT, PlanT, TaskCore
+from .core import BACKENDS, PERCEPTIONS, Array, Executor, OutcomeT, PlanT, TaskCore, choice
 
 Observation = dict[str, NDArray[Any]]
 
@@ -185,3 +185,19 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             bad = int(np.flatnonzero((numbers < 0) | (numbers >= n))[0])
             raise ValueError(f"action {int(numbers[bad])} of world {bad}: allowed range 0..{n - 1}")
         return numbers.astype(np.int64)
+
+
+def batched_perception(backend: str, perception: str | None, render_mode: str | None) -> str:
+    """Perception of a batch, ``"model"`` by default, once it is clear that what was asked for can be batched.
+
+    Raises:
+        ValueError: an argument is unknown, or needs a machine, a camera or a picture a world.
+    """
+    if choice("backend", backend, BACKENDS) != "analytic":
+        raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
+    chosen = choice("perception", perception or "model", PERCEPTIONS)
+    if chosen == "camera":
+        raise ValueError('perception = \'camera\' is not batched: use "model", or vectorization_mode="async"')
+    if render_mode is not None:
+        raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
+    return chosen

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from ..core import BACKENDS, PERCEPTIONS, choice
 from ..single import TaskEnv
-from ..vector import TaskVectorEnv
+from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, PerceptionModel, SafflowerConfig
 from .executor import AnalyticPicker, PyBulletPicker
 from .task import PickerOutcome, PickerPlan, SafflowerCore
@@ -99,15 +99,10 @@ class SafflowerPickingVectorEnv(TaskVectorEnv[PickerPlan, PickerOutcome]):
         render_mode: str | None = None,
     ):
         """Build the rules for all worlds."""
-        if choice("backend", backend, BACKENDS) != "analytic":
-            raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
-        if choice("perception", perception or "model", PERCEPTIONS) == "camera":
-            raise ValueError('perception = \'camera\' is not batched: use "model", or vectorization_mode="async"')
+        perception = batched_perception(backend, perception, render_mode)
         config = configured(config, scenario, slots)
-        core = SafflowerCore(config, perception_model(perception or "model", config), num_envs)
+        core = SafflowerCore(config, perception_model(perception, config), num_envs)
         super().__init__(core, AnalyticPicker(), autoreset_mode)
-        if render_mode is not None:
-            raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
 
 
 def _make_view(core: SafflowerCore, window: bool) -> PickerView:

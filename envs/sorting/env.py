@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from ..core import BACKENDS, PERCEPTIONS, choice
 from ..single import TaskEnv
-from ..vector import TaskVectorEnv
+from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, PerceptionModel, SortingConfig
 from .executor import AnalyticSorter, PyBulletSorter
 from .task import SorterOutcome, SorterPlan, SortingCore
@@ -108,13 +108,8 @@ class ProduceSortingVectorEnv(TaskVectorEnv[SorterPlan, SorterOutcome]):
         render_mode: str | None = None,
     ):
         """Build the rules for all worlds."""
-        if choice("backend", backend, BACKENDS) != "analytic":
-            raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
-        if choice("perception", perception or "model", PERCEPTIONS) == "camera":
-            raise ValueError('perception = \'camera\' is not batched: use "model", or vectorization_mode="async"')
-        if render_mode is not None:
-            raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
-        core = SortingCore(configured(config, scenario, slots), perception_model(perception or "model"), num_envs)
+        perception = batched_perception(backend, perception, render_mode)
+        core = SortingCore(configured(config, scenario, slots), perception_model(perception), num_envs)
         super().__init__(core, AnalyticSorter(core), autoreset_mode)
 
 

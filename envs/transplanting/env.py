@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from ..core import BACKENDS, PERCEPTIONS, choice
 from ..single import TaskEnv
-from ..vector import TaskVectorEnv
+from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, TransplantingConfig, tray
 from .executor import AnalyticTransplanter, PyBulletTransplanter
 from .task import TransplantingCore, TransplantOutcome, TransplantPlan
@@ -113,14 +113,9 @@ class TrayTransplantingVectorEnv(TaskVectorEnv[TransplantPlan, TransplantOutcome
         render_mode: str | None = None,
     ):
         """Build the rules for all worlds."""
-        if choice("backend", backend, BACKENDS) != "analytic":
-            raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
-        if choice("perception", perception or "model", PERCEPTIONS) == "camera":
-            raise ValueError('perception = \'camera\' is not batched: use "model", or vectorization_mode="async"')
-        if render_mode is not None:
-            raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
+        perception = batched_perception(backend, perception, render_mode)
         config = configured(config, scenario, motion, source_tray, target_tray)
-        core = TransplantingCore(config, perception_model(perception or "model"), num_envs)
+        core = TransplantingCore(config, perception_model(perception), num_envs)
         super().__init__(core, AnalyticTransplanter(), autoreset_mode)
 
 
