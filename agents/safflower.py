@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.safflower.config import EFFORTS, OPEN_STAGES, STAGES, SafflowerConfig
-from ..envs.safflower.task import (
+from ..envs.safflower.features import (
     ACROSS_SCALE_M,
     AHEAD_SCALE_M,
     CANDIDATE_FEATURES,

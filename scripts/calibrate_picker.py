@@ -54,14 +54,14 @@ def run_protocol(process: ProcessConfig, worlds: int, perception: str = "model")
     policy = make_policy("fixed-order", env)
     observation, _ = env.reset(seed=FIRST_SEED)
     core = env.unwrapped.core  # type: ignore[attr-defined]
-    mass = core.head_mass_g[:, :-1].copy()
+    mass = core.state.head_mass_g[:, :-1].copy()
     over = np.zeros(worlds, bool)
     scores = np.zeros((worlds, len(core.score_names)))
     gained = np.zeros_like(mass)
     rows, grams = np.arange(worlds), core.score_names.index("collected_g")
     while not over.all():
         actions = policy.act(observation)
-        head = core.track_head.take(core.slot_report[rows, actions // 3])
+        head = core.state.track_head[rows, core.state.slot_report[rows, actions // 3]]
         before = core.scores()[:, grams]
         observation, _, terminated, truncated, _ = env.step(actions)
         picked = ~over & (head < mass.shape[1])

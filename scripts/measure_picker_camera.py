@@ -67,15 +67,15 @@ class Tally:
         centre = core._centres[stop]
         here = np.abs(blooms.position[:, 0] - centre) <= half
         heads = np.flatnonzero(core.head_exists[0])
-        truth = core.head_position[0, heads] + core.frame
+        truth = core.state.head_position[0, heads] + core.frame
         inside = np.abs(truth[:, 0] - centre) <= half
         matched = pairs(blooms.position, truth) if len(blooms.position) else []
         self.stops += 1
         for head, present in zip(heads, inside, strict=True):
-            self.present[int(core.head_occluded[0, head]), core.head_stage[0, head]] += present
+            self.present[int(core.head_occluded[0, head]), core.state.head_stage[0, head]] += present
         for report, index in matched:
             head = heads[index]
-            stage = core.head_stage[0, head]
+            stage = core.state.head_stage[0, head]
             if inside[index]:
                 self.reported[int(core.head_occluded[0, head]), stage] += 1
                 self.confusion[stage, blooms.stage[report]] += 1
@@ -115,7 +115,7 @@ def measure(scenario: str, stops: int) -> dict[str, Any]:
     for episode in track(range(episodes), description=f"{scenario:>10}", transient=True):
         env.reset(seed=FIRST_SEED + episode)
         for stop in range(SCENARIOS[scenario].stops):
-            core.pose[0, 0] = core._centres[stop] - core.config.machine.picker.camera_ahead_m
+            core.state.pose[0, 0] = core._centres[stop] - core.config.machine.picker.camera_ahead_m
             look = env.view.look()
             tally.add(detect_blooms(look.rgb, look.depth_m, *look.camera), core, stop)
     env.close()

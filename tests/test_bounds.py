@@ -29,7 +29,7 @@ def toy(seed: int, heads: int = 3, time_limit_s: float = 900.0) -> SafflowerCore
     for number in range(100):
         core = SafflowerCore(SafflowerConfig(scenario=scenario, slots=4), perception, 1)
         core.reset_rows(np.array([0]), [np.random.default_rng(1000 * seed + number)])
-        if int(core.first[0, -1]) == heads:
+        if int(core.state.first[0, -1]) == heads:
             return core
     raise AssertionError("no toy has so many reports")
 

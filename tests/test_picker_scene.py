@@ -47,10 +47,10 @@ def test_heads_in_pots_are_found_where_they_are(picker):
     for seed in range(3):
         picker.reset(seed=seed)
         for stop in (0, 7, 14):
-            core.pose[0, 0] = core._centres[stop] - core.config.machine.picker.camera_ahead_m
+            core.state.pose[0, 0] = core._centres[stop] - core.config.machine.picker.camera_ahead_m
             look = picker.view.look()
             blooms = detect_blooms(look.rgb, look.depth_m, *look.camera)
-            truth = core.head_position[0, core.head_exists[0]] + core.frame
+            truth = core.state.head_position[0, core.head_exists[0]] + core.frame
             inside = truth[np.abs(truth[:, 0] - core._centres[stop]) < 0.2]
             gaps = np.linalg.norm(inside[:, None] - blooms.position[None], axis=-1).min(axis=1)
             assert gaps.max() < 0.006
@@ -80,9 +80,9 @@ def test_new_fields_reuse_the_bodies_that_there_are(picker):
 def test_picking_takes_the_filaments_out_of_the_picture(picker):
     picker.reset(seed=1)
     core = picker.core
-    before = int(core.remaining[0])
+    before = int(core.state.remaining[0])
     picker.step(2)
-    core.pose[0] = [core._centres[0] - core.config.machine.picker.camera_ahead_m, *core._park]
+    core.state.pose[0] = [core._centres[0] - core.config.machine.picker.camera_ahead_m, *core._park]
     look = picker.view.look()
     blooms = detect_blooms(look.rgb, look.depth_m, *look.camera)
     assert np.count_nonzero(np.abs(blooms.position[:, 0] - core._centres[0]) < 0.22) == before - 1

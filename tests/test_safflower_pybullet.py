@@ -9,7 +9,7 @@ import pytest
 from fieldgym.agents import act_single, make_policy
 from fieldgym.envs.safflower.config import SCENARIOS
 from fieldgym.envs.safflower.executor import trajectory
-from fieldgym.envs.safflower.task import NOTHING
+from fieldgym.envs.safflower.rules import NOTHING
 
 ID = "fieldgym/SafflowerPicking-v0"
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...envs.safflower.config import EFFORTS, SafflowerConfig
-from ...envs.safflower.process import collected_share, cut_share, dropped_share
+from ...envs.safflower.process import Shears, collected_share, cut_share, dropped_share
 from ...envs.safflower.scenario import stop_centres
 from ...envs.safflower.task import SafflowerCore
 from ...motion import QUINTIC
@@ -101,13 +101,13 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
     """
     if reports not in ("drawn", "any"):
         raise ValueError(f"reports = {reports!r}: choose 'drawn' or 'any'")
-    if core.head_visited[row].any() or core.stop[row] != 0:
+    if core.state.head_visited[row].any() or core.state.stop[row] != 0:
         raise ValueError("the episode is under way: an instance is read right after a reset")
     config = core.config
     stops = [_drawn(core, row, s) if reports == "drawn" else _any(core, row, s) for s in range(config.scenario.stops)]
-    mass = core.head_mass_g[row]
+    mass = core.state.head_mass_g[row]
     relaxed = "all candidates of a stop shown" if reports == "drawn" else "any reports, so no error and second visits"
-    most = int(np.diff(core.first[row]).max())
+    most = int(np.diff(core.state.first[row]).max())
     exact = reports == "drawn" and most <= config.slots
     if exact:
         relaxed = "every candidate fits into the slots"
@@ -116,38 +116,39 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
 
 def _drawn(core: SafflowerCore, row: int, stop: int) -> Stop:
     """A stop with the reports that lie in the rules."""
-    tracks = np.arange(core.first[row, stop], core.first[row, stop + 1])
-    head = core.track_head[row, tracks]
-    target = core.track_target[row, tracks]
-    error = core.head_position[row, head] - target
-    gain = _gains(core.config, error, core.head_mass_g[row, head], core.head_odds[row, head])
-    use = core.track_legal[row, tracks] & (gain.max(axis=1) > 0.0)
-    return _stop(core, stop, target[use], gain[use], core.head_mass_g[row, head][use], slack_m=0.0)
+    tracks = np.arange(core.state.first[row, stop], core.state.first[row, stop + 1])
+    head = core.state.track_head[row, tracks]
+    target = core.state.track_target[row, tracks]
+    error = core.state.head_position[row, head] - target
+    gain = _gains(core.config, error, core.state.head_mass_g[row, head], core.state.head_odds[row, head])
+    use = core.state.track_legal[row, tracks] & (gain.max(axis=1) > 0.0)
+    return _stop(core, stop, target[use], gain[use], core.state.head_mass_g[row, head][use], slack_m=0.0)
 
 
 def _any(core: SafflowerCore, row: int, stop: int) -> Stop:
     """A stop with every head that a report near its window could stand for, found without error."""
     config, centre = core.config, stop_centres(core.config.scenario)
     slack = config.process.capture_radius_m
-    along = core.head_position[row, :, 0] + core.frame[0]
+    along = core.state.head_position[row, :, 0] + core.frame[0]
     half = 0.5 * config.scenario.window_m
     low, high = centre[stop] - half - slack, centre[stop] + half + slack
     # The first and the last window take in what lies outside the row; a head near an edge counts at both stops.
     near = ((along >= low) | (stop == 0)) & ((along <= high) | (stop == len(centre) - 1))
-    heads = np.flatnonzero(near & (core.head_mass_g[row] > 0.0))
-    mass = core.head_mass_g[row, heads]
-    gain = _gains(config, np.zeros((len(heads), 3)), mass, core.head_odds[row, heads])
-    return _stop(core, stop, core.head_position[row, heads], gain, mass, slack_m=slack)
+    heads = np.flatnonzero(near & (core.state.head_mass_g[row] > 0.0))
+    mass = core.state.head_mass_g[row, heads]
+    gain = _gains(config, np.zeros((len(heads), 3)), mass, core.state.head_odds[row, heads])
+    return _stop(core, stop, core.state.head_position[row, heads], gain, mass, slack_m=slack)
 
 
 def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array) -> Array:
     """Grams (n, E) that each effort brings."""
-    process, columns = config.process, []
-    for effort in range(len(EFFORTS)):
-        cut = cut_share(process, process.strokes[effort], error, odds[:, 0])
-        dropped = dropped_share(process, process.suction_s[effort])
-        columns.append(mass * cut * collected_share(dropped, odds[:, 1]))
-    gains: Array = np.stack(columns, axis=1).astype(np.float64)
+    process, shears = config.process, Shears.of(config.process)
+    gains = np.empty((len(mass), len(EFFORTS)))
+    for effort, (strokes, suction_s) in enumerate(zip(process.strokes, process.suction_s, strict=True)):
+        dropped = dropped_share(process, suction_s)
+        for head, (off, grams, (to_cut, to_collect)) in enumerate(zip(error, mass, odds, strict=True)):
+            cut = grams * cut_share(shears, float(strokes), *off, to_cut)
+            gains[head, effort] = cut * collected_share(dropped, to_collect)
     return gains
 
 

@@ -13,7 +13,8 @@ from ..single import TaskEnv
 from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, PerceptionModel, SafflowerConfig
 from .executor import AnalyticPicker, PyBulletPicker
-from .task import PickerOutcome, PickerPlan, SafflowerCore
+from .rules import PickerPlan
+from .task import PickerOutcome, SafflowerCore
 
 if TYPE_CHECKING:
     from .view import PickerView

@@ -10,7 +10,8 @@ from ...motion import QUINTIC
 from ...simulation.picker_model import PickerParameters
 from ..core import Array, Rows
 from .config import SafflowerConfig
-from .task import DRIVE, NOTHING, PickerOutcome, PickerPlan, SafflowerCore
+from .rules import DRIVE, NOTHING, PickerPlan
+from .task import PickerOutcome, SafflowerCore
 
 _REST_TOLERANCE_M = 5e-4
 """The motion is over when the tool is this close to where it was sent; its weight alone bends it by up to 0.25 mm."""

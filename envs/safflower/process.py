@@ -1,46 +1,79 @@
-"""What the tool does to a head: shear strokes cut filaments, suction collects them. Pure array functions."""
+"""What the tool does to a head: shear strokes cut filaments, suction collects them. Scalar formulas, compiled."""
 
 from __future__ import annotations
 
-import numpy as np
+import math
+from typing import NamedTuple
 
-from ..core import Array
+from ..compiled import compiled
 from .config import ProcessConfig
 
 
-def cut_share(process: ProcessConfig, strokes: Array | int, error_m: Array, odds: Array) -> Array:
+class Shears(NamedTuple):
+    """What a cut depends on beside the head: ``ProcessConfig`` in the shape that a kernel takes.
+
+    Attributes:
+        stroke_cut: share that one stroke cuts with no error.
+        radial_per_m2: how the exponent of that share falls with the square of the radial error, negative.
+        upright_per_m2: the same for the error in height.
+        capture_m2: square of the radius beyond which the head stays outside the shear hole.
+    """
+
+    stroke_cut: float
+    radial_per_m2: float
+    upright_per_m2: float
+    capture_m2: float
+
+    @classmethod
+    def of(cls, process: ProcessConfig) -> Shears:
+        """The numbers of a configuration."""
+        return cls(
+            float(process.stroke_cut),
+            -0.5 / process.cut_radius_m**2,
+            -0.5 / process.cut_height_m**2,
+            float(process.capture_radius_m) ** 2,
+        )
+
+
+@compiled
+def lucky(share: float, rest: float, odds: float) -> float:
+    """Multiply the odds share : rest, the two adding up to 1; 0 and 1 stay what they are."""
+    gain = share * odds
+    return gain / (gain + rest)
+
+
+@compiled
+def cut_share(shears: Shears, strokes: float, along_m: float, across_m: float, up_m: float, odds: float) -> float:
     """Share of a head's filaments that the strokes cut.
 
     Every stroke cuts the same share of what is left; the share falls off as a Gaussian with the tool's error, and
     beyond the capture radius the head stays outside the shear hole.
 
     Args:
-        process: parameters of the tool.
-        strokes: number of strokes, shape (...).
-        error_m: head centre minus tool centre (along, across, up), shape (..., 3).
-        odds: what the head's luck multiplies the odds of being cut with, shape (...).
+        shears: parameters of the tool.
+        strokes: number of strokes.
+        along_m: head centre minus tool centre along the row; ``across_m`` and ``up_m`` alike.
+        across_m: see ``along_m``.
+        up_m: see ``along_m``.
+        odds: what the head's luck multiplies the odds of being cut with.
 
     Returns:
-        Shares in [0, 1], shape (...); zero exactly where the head is not captured.
+        A share in [0, 1]; zero exactly where the head is not captured.
     """
-    square = error_m * error_m
-    radial_square = square[..., 0] + square[..., 1]
-    off = radial_square * (-0.5 / process.cut_radius_m**2) + square[..., 2] * (-0.5 / process.cut_height_m**2)
-    uncut = np.power(1.0 - process.stroke_cut * np.exp(off), strokes)
-    return _lucky(1.0 - uncut, uncut, odds) * (radial_square <= process.capture_radius_m**2)
+    radial_m2 = along_m * along_m + across_m * across_m
+    if radial_m2 > shears.capture_m2:
+        return 0.0
+    off = radial_m2 * shears.radial_per_m2 + up_m * up_m * shears.upright_per_m2
+    uncut = (1.0 - shears.stroke_cut * math.exp(off)) ** strokes
+    return lucky(1.0 - uncut, uncut, odds)
 
 
-def dropped_share(process: ProcessConfig, suction_s: Array | float) -> Array:
-    """Share of the cut filaments that drops on average after a suction time, shape (...)."""
-    return np.asarray(process.suction_loss * np.exp(np.negative(suction_s) / process.suction_decay_s))
+def dropped_share(process: ProcessConfig, suction_s: float) -> float:
+    """Share of the cut filaments that drops on average after a suction time."""
+    return process.suction_loss * math.exp(-suction_s / process.suction_decay_s)
 
 
-def collected_share(dropped: Array, odds: Array) -> Array:
-    """Share of the cut filaments that reaches the box, from the average loss and the head's luck; shapes (...)."""
-    return _lucky(1.0 - dropped, dropped, odds)
-
-
-def _lucky(share: Array, rest: Array, odds: Array) -> Array:
-    """Multiply the odds share : rest, the two adding up to 1; 0 and 1 stay what they are."""
-    gain = share * odds
-    return gain / (gain + rest)
+@compiled
+def collected_share(dropped: float, odds: float) -> float:
+    """Share of the cut filaments that reaches the box, from the average loss and the head's luck."""
+    return lucky(1.0 - dropped, dropped, odds)

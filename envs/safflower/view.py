@@ -13,7 +13,8 @@ from ..core import Array, StepResult
 from .executor import picker_parameters, trajectory
 from .scenario import fixed_order, stop_centres
 from .scene import Field, PickerScene
-from .task import NOTHING, PickerPlan, SafflowerCore
+from .rules import NOTHING, PickerPlan
+from .task import SafflowerCore
 
 MATCH_RADIUS_M = 0.025
 """A report farther than this from every head is counted as false."""
@@ -34,11 +35,11 @@ class PickerView:
     def sense(self) -> None:
         """Where a look is due, render the stop, segment it and hand its reports to the rules in the fixed order."""
         core = self._core
-        if not core.look_due[0]:
+        if not core.state.look_due[0]:
             return
         look = self.look()
         blooms = detect_blooms(look.rgb, look.depth_m, *look.camera)
-        stop = int(core.stop[0])
+        stop = int(core.state.stop[0])
         half = 0.5 * core.config.scenario.window_m
         here = np.abs(blooms.position[:, 0] - self._centres[stop]) <= half
         position = blooms.position[here]
@@ -84,11 +85,11 @@ class PickerView:
         """Bring the scene to the rules' state."""
         core = self._core
         self._load_if_new()
-        for head in np.flatnonzero(core.head_visited[0, self._shown]):
+        for head in np.flatnonzero(core.state.head_visited[0, self._shown]):
             if head not in self._picked:
                 self._scene.set_picked(int(head))
                 self._picked.add(int(head))
-        self._scene.set_machine(float(core.pose[0, 0]), core.pose[0, 1:])
+        self._scene.set_machine(float(core.state.pose[0, 0]), core.state.pose[0, 1:])
 
     def _load_if_new(self) -> None:
         core = self._core
@@ -100,8 +101,8 @@ class PickerView:
         shown, scenario = self._shown, core.config.scenario
         self._scene.load(
             Field(
-                head_position=core.head_position[0, shown] + core.frame,
-                head_stage=core.head_stage[0, shown],
+                head_position=core.state.head_position[0, shown] + core.frame,
+                head_stage=core.state.head_stage[0, shown],
                 head_spread_m=core.head_size_m[0, shown],
                 head_plant=shown // scenario.max_heads,
                 head_occluded=core.head_occluded[0, shown],
@@ -115,10 +116,10 @@ class PickerView:
     def _heads_behind(self, position: Array) -> NDArray[np.int64]:
         """Index of the nearest true head of each report, nearest pairs first, for scoring alone."""
         core = self._core
-        heads = np.full(len(position), core.head_mass_g.shape[1] - 1)
+        heads = np.full(len(position), core.state.head_mass_g.shape[1] - 1)
         if len(position) == 0 or len(self._shown) == 0:
             return heads
-        truth = core.head_position[0, self._shown] + core.frame
+        truth = core.state.head_position[0, self._shown] + core.frame
         distance = np.linalg.norm(position[:, None] - truth[None], axis=-1)
         nearest = distance.argmin(axis=1)
         close = distance[np.arange(len(position)), nearest] <= MATCH_RADIUS_M
