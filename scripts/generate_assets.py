@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fieldgym.simulation.picker_model import picker_assets
-from fieldgym.simulation.sorter_model import sorter_assets
+from fieldgym.simulation.sorter_model import SorterParameters
 from fieldgym.simulation.transplanter_model import transplanter_assets
 from fieldgym.simulation.weeder_model import weeder_assets
 
@@ -17,7 +17,7 @@ ASSETS = Path(__file__).resolve().parent.parent / "assets"
 
 def generated_assets() -> dict[str, str]:
     """Text of every generated file, by its path below ``assets/``."""
-    return {**picker_assets(), **sorter_assets(), **transplanter_assets(), **weeder_assets()}
+    return {**picker_assets(), **SorterParameters().assets(), **transplanter_assets(), **weeder_assets()}
 
 
 def stale_assets(folder: Path = ASSETS) -> list[str]:

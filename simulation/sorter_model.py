@@ -2,180 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-import numpy as np
+from .prrs_model import CARBON, ORANGE, PrrsParameters, hub_parts
+from .urdf import Box, Colour, Cylinder, Link, Part, Robot
 
-from ..mechanisms import ThreePRRS
-from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
-
-_ALONG_X: Vector = (0.0, np.pi / 2, 0.0)
-_ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
+RUBBER = Colour("rubber", 0.10, 0.30, 0.55)
 
 
 @dataclass(frozen=True)
-class SorterParameters:
-    """Everything that the sorter's physics depends on. World: x with the belt, y across, z up, floor at z = 0.
+class SorterParameters(PrrsParameters):
+    """The 3-PRRS over a belt (``ThreePRRS.sorter``). World: x with the belt, y across, z up, floor at z = 0.
+
+    The platform's speed and acceleration are limited relative to the floor, following the belt apart; tracking is
+    required at 1 m/s.
 
     Attributes:
-        mechanism: the 3-PRRS (assumed, see ``ThreePRRS.sorter``).
-        tool_m: from the fingers' grip centre up to the platform's centre P (assumed).
         belt_height_m: top of the belt above the floor (assumed).
         origin_above_belt_m: the mechanism's z = 0 above the belt: the lowest grip is just inside the workspace
             (assumed).
-        velocity_m_s: limit of the platform's centre relative to the floor (the tracking requirement is 1 m/s).
-        acceleration_m_s2: limit of the platform's centre, without what following the belt adds (assumed).
-        turn_rad_s: limit of the platform's angular velocity (assumed).
-        turn_rad_s2: limit of its angular acceleration (assumed).
-        slider_force_limit_n: each slider's ball screw (assumed).
-        swing_torque_limit_n_m: each driven rotation behind its gear (assumed).
-        slider_mass_kg: carriage with the rotary motor that it carries (assumed).
-        yoke_mass_kg: fork of R1 and R2 (assumed).
-        rotor_inertia_kg_m2: that motor's rotor seen through the gear (assumed).
-        link_mass_kg: one link with its joints (assumed: carbon tube).
-        platform_mass_kg: platform and gripper (assumed).
-        physics_hz: simulation steps a second (assumed; the tracking figures are measured with it).
     """
 
-    mechanism: ThreePRRS = field(default_factory=ThreePRRS.sorter)
-    tool_m: float = 0.090
     belt_height_m: float = 0.80
     origin_above_belt_m: float = 0.095
-    velocity_m_s: float = 1.0
-    acceleration_m_s2: float = 10.0
-    turn_rad_s: float = 4.0
-    turn_rad_s2: float = 40.0
-    slider_force_limit_n: float = 120.0
-    swing_torque_limit_n_m: float = 10.0
-    slider_mass_kg: float = 1.6
-    yoke_mass_kg: float = 0.25
-    rotor_inertia_kg_m2: float = 0.004
-    link_mass_kg: float = 0.20
-    platform_mass_kg: float = 0.9
-    physics_hz: float = 240.0
 
-    def __post_init__(self) -> None:
-        """Check that every number is positive and finite."""
-        for name, value in vars(self).items():
-            if name != "mechanism" and not 0.0 < value < np.inf:
-                raise ValueError(f"{name} = {value}: give a positive, finite number")
+    name = "sorter"
 
     @property
     def origin_height_m(self) -> float:
         """World height of the mechanism's z = 0."""
         return self.belt_height_m + self.origin_above_belt_m
 
+    def platform_robot(self) -> Robot:
+        """The platform with its gripper; the grip centre is below P.
 
-SORTER_ASSETS = (*(f"urdf/sorter/leg{leg}.urdf" for leg in (1, 2, 3)), "urdf/sorter/platform.urdf")
-
-ALUMINIUM = Colour("aluminium", 0.76, 0.78, 0.81)
-CARBON = Colour("carbon", 0.12, 0.12, 0.13)
-BLUE = Colour("blue", 0.16, 0.34, 0.62)
-ORANGE = Colour("orange", 0.95, 0.48, 0.10)
-RUBBER = Colour("rubber", 0.10, 0.30, 0.55)
-STEEL = Colour("steel", 0.50, 0.52, 0.55)
-
-COLUMN_RADIUS_M = 0.046
-"""Half width of the hanging column that carries the guide rails."""
-GANTRY_LEVEL_M = 0.66
-"""Underside of the gantry in the mechanism's coordinates."""
-_CARRIAGE_UP_M = 0.085
-"""Middle of the carriage above the joint centre G that it carries on an arm."""
-_JOINT_M = 0.016
-
-
-def leg_robot(parameters: SorterParameters, leg: int) -> Robot:
-    """Leg ``leg`` (1..3) in its own frame: x outwards, y tangential, z up, origin on the machine's axis at z = 0.
-
-    Joint positions are the mechanism's own: ``slider`` is L, ``drive`` is theta about the outward axis, ``swing`` the
-    angle of the link from straight down towards outside. The link's tip is free: the machine closes it on the
-    platform at run time.
-    """
-    mechanism = parameters.mechanism
-    radius, low = 0.5 * mechanism.base_diameter_m, mechanism.slider_range_m[0]
-    foot = low + _CARRIAGE_UP_M - 0.045
-    length = GANTRY_LEVEL_M - foot
-    rail_at = COLUMN_RADIUS_M * 0.5
-    rail = Link(
-        f"rail{leg}",
-        5.0,
-        (
-            Part(Box((0.030, 0.052, length)), ALUMINIUM, (0.5 * rail_at, 0.0, foot + 0.5 * length)),
-            Part(Box((0.010, 0.016, length)), STEEL, (rail_at + 0.008, 0.0, foot + 0.5 * length)),
-            Part(Cylinder(0.006, length), STEEL, (rail_at + 0.008, 0.019, foot + 0.5 * length)),
-        ),
-    )
-    inwards = radius - rail_at - 0.020
-    slider = Link(
-        f"slider{leg}",
-        parameters.slider_mass_kg,
-        (
-            Part(Box((0.022, 0.046, 0.070)), BLUE, (-inwards, 0.0, _CARRIAGE_UP_M)),
-            Part(Box((0.016, 0.030, _CARRIAGE_UP_M)), ALUMINIUM, (-inwards, 0.0, 0.5 * _CARRIAGE_UP_M)),
-            # The rotary motor lies along the outward axis of R1, its gear in front of the fork.
-            Part(Cylinder(0.017, 0.034), CARBON, (-inwards + 0.004, 0.0, 0.0), _ALONG_X),
-        ),
-    )
-    rotor = parameters.rotor_inertia_kg_m2
-    yoke = Link(
-        f"yoke{leg}",
-        parameters.yoke_mass_kg,
-        (
-            Part(Cylinder(0.010, 0.030), STEEL, (-0.018, 0.0, 0.0), _ALONG_X),
-            Part(Box((0.024, 0.008, 0.026)), ALUMINIUM, (-0.002, -_JOINT_M, 0.0)),
-            Part(Box((0.024, 0.008, 0.026)), ALUMINIUM, (-0.002, _JOINT_M, 0.0)),
-            Part(Cylinder(0.005, 2.6 * _JOINT_M), STEEL, (0.0, 0.0, 0.0), _ALONG_Y),
-        ),
-        (rotor, rotor, rotor),
-    )
-    length_m = mechanism.link_m
-    link = Link(
-        f"link{leg}",
-        parameters.link_mass_kg,
-        (
-            Part(Cylinder(0.0095, length_m - 0.030), CARBON, (0.0, 0.0, -0.5 * length_m)),
-            Part(Cylinder(0.013, 0.034), ORANGE, (0.0, 0.0, -0.022)),
-            Part(Cylinder(0.013, 0.026), ORANGE, (0.0, 0.0, 0.026 - length_m)),
-            Part(Sphere(0.0125), STEEL, (0.0, 0.0, -length_m)),
-        ),
-    )
-    names = [part.name for part in (rail, slider, yoke, link)]
-    joints = (
-        Joint(f"slider{leg}", "prismatic", names[0], names[1], (radius, 0.0, 0.0)),
-        Joint(f"drive{leg}", "continuous", names[1], names[2], axis=(1.0, 0.0, 0.0)),
-        Joint(f"swing{leg}", "continuous", names[2], names[3], axis=(0.0, -1.0, 0.0)),
-    )
-    return Robot(f"sorter_leg{leg}", (rail, slider, yoke, link), joints)
-
-
-def platform_robot(parameters: SorterParameters) -> Robot:
-    """The free platform with its gripper; the origin is the platform's centre P, the grip centre is below it.
-
-    The fingers stand across the item's width, so that they close along y.
-    """
-    radius = 0.5 * parameters.mechanism.platform_diameter_m
-    parts = [Part(Cylinder(0.62 * radius, 0.010), ALUMINIUM, (0.0, 0.0, -0.006))]
-    for k in range(3):
-        angle = 2.0 * np.pi * k / 3.0
-        c, s = float(np.cos(angle)), float(np.sin(angle))
-        parts.append(
-            Part(Box((radius, 0.028, 0.010)), BLUE, (0.5 * radius * c, 0.5 * radius * s, -0.006), (0.0, 0.0, angle))
-        )
-        parts.append(Part(Cylinder(0.015, 0.014), ALUMINIUM, (radius * c, radius * s, -0.014)))
-    tool = parameters.tool_m
-    parts += [
-        Part(Cylinder(0.022, 0.030), CARBON, (0.0, 0.0, -0.026)),
-        Part(Box((0.034, 0.100, 0.016)), ORANGE, (0.0, 0.0, -0.046)),
-        *(
-            Part(Box((0.030, 0.008, tool - 0.036)), RUBBER, (0.0, side * 0.040, -0.5 * (tool + 0.052)))
-            for side in (-1.0, 1.0)
-        ),
-    ]
-    return Robot("sorter_platform", (Link("platform", parameters.platform_mass_kg, tuple(parts)),), ())
-
-
-def sorter_assets(parameters: SorterParameters | None = None) -> dict[str, str]:
-    """Text of every URDF of the sorter, by its path below ``assets/``."""
-    chosen = parameters or SorterParameters()
-    robots = [*(leg_robot(chosen, leg) for leg in (1, 2, 3)), platform_robot(chosen)]
-    return dict(zip(SORTER_ASSETS, (robot.to_xml() for robot in robots), strict=True))
+        The fingers stand across the item's width, so that they close along y.
+        """
+        tool = self.tool_m
+        parts = [
+            *hub_parts(self),
+            Part(Cylinder(0.022, 0.030), CARBON, (0.0, 0.0, -0.026)),
+            Part(Box((0.034, 0.100, 0.016)), ORANGE, (0.0, 0.0, -0.046)),
+            *(
+                Part(Box((0.030, 0.008, tool - 0.036)), RUBBER, (0.0, side * 0.040, -0.5 * (tool + 0.052)))
+                for side in (-1.0, 1.0)
+            ),
+        ]
+        return Robot("sorter_platform", (Link("platform", self.platform_mass_kg, tuple(parts)),), ())

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from ...simulation.camera import Camera, RgbdFrame
 from ...simulation.client import PhysicsClient, pybullet
 from ...simulation.meshes import Mesh, Pool, box, ellipsoid, merged, rotation_z, turned
+from ...simulation.prrs_model import GANTRY_LEVEL_M
 from ...simulation.sorter import SorterMachine
-from ...simulation.sorter_model import GANTRY_LEVEL_M
 from ..core import Array
 from .config import GRADES, BeltConfig, SortingConfig
 

@@ -1,0 +1,274 @@
+"""The 3-PRRS in PyBullet: three legs of slider, driven rotation and link, and a free platform."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..mechanisms.batching import as_points
+from ..mechanisms.errors import UnreachablePoseError
+from ..mechanisms.prrs_legs import LEG_ANGLES_RAD
+from ..motion.orientation import angle_between, from_euler
+from .assets import asset_path
+from .client import PhysicsClient, pybullet
+from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
+from .prrs_model import PrrsParameters
+from .sorter_limits import first_violation
+
+Array = NDArray[np.float64]
+
+MOTORS = ("slider1", "slider2", "slider3", "drive1", "drive2", "drive3")
+"""Driven joints in the order of the mechanism's joints."""
+SWINGS = ("swing1", "swing2", "swing3")
+
+START_TOLERANCE_M = 0.003
+"""How far a commanded motion may start from where the platform stands; a jump could flip the platform over."""
+START_TOLERANCE_RAD = 0.03
+
+
+@dataclass(frozen=True)
+class PrrsMotionReport:
+    """What a motion did. Unless it was measured, the maxima know the state after its last step only.
+
+    Attributes:
+        duration_s: simulated time.
+        final_position_m: platform's centre in mechanism coordinates, (3,).
+        final_quaternion: (w, x, y, z), (4,).
+        final_error_m: distance of the platform's centre from its command at the end.
+        position_error_m: largest distance of the platform's centre from its command.
+        angle_error_rad: largest angle between the platform and its command.
+        closure_error_m: largest gap in a closed loop.
+        peak_effort: largest magnitudes that the motors applied: 3 forces in N, 3 torques in N m; (6,).
+        saturated: which motors were at their limits, (6,) bool.
+        measured: whether every step was looked at.
+    """
+
+    duration_s: float
+    final_position_m: Array
+    final_quaternion: Array
+    final_error_m: float
+    position_error_m: float
+    angle_error_rad: float
+    closure_error_m: float
+    peak_effort: Array
+    saturated: NDArray[np.bool_]
+    measured: bool
+
+
+@dataclass
+class _Record:
+    """Running maxima over the states that were looked at."""
+
+    position_m: float = 0.0
+    angle_rad: float = 0.0
+    closure_m: float = 0.0
+    effort: Array = field(default_factory=lambda: np.zeros(len(MOTORS)))
+
+
+class PrrsMachine:
+    """A 3-PRRS: six motors and a free platform held by three spherical joints.
+
+    Poses are the mechanism's, (x, y, z, alpha, beta, gamma) in metres and radians, see ``ThreePRRS``; the world's
+    origin lies on the floor under it.
+
+    Attributes:
+        parameters: the numbers that it was built from.
+        client: the world that it lives in; it holds nothing else unless it was lent.
+    """
+
+    def __init__(
+        self,
+        parameters: PrrsParameters,
+        client: PhysicsClient | None = None,
+        *,
+        visuals: bool | None = None,
+    ) -> None:
+        """Build the machine in its home pose.
+
+        Args:
+            parameters: the machine's numbers; they know its URDFs too.
+            client: a world to build in, for instance one that renders a scene and only calls ``place``; the machine
+                makes its own, and closes it, where this is left out.
+            visuals: load what can be seen; by default only into a world that was lent, or has a window.
+        """
+        self.parameters = parameters
+        self._owns_client = client is None
+        self.client = client or PhysicsClient(self.parameters.physics_hz)
+        self._open = True
+        mechanism = self.parameters.mechanism
+        base = (0.0, 0.0, self.parameters.origin_height_m)
+        radius = mechanism.platform_radius_m
+        bodies, closures = [], []
+        with _urdf_files(self.parameters) as paths:
+            for leg, angle in enumerate(LEG_ANGLES_RAD.tolist(), 1):
+                turn = (0.0, 0.0, float(np.sin(0.5 * angle)), float(np.cos(0.5 * angle)))
+                bodies.append(Body(f"leg{leg}", paths[f"leg{leg}"], base, turn))
+                joint = (radius * float(np.cos(angle)), radius * float(np.sin(angle)), 0.0)
+                closures.append(Closure(f"link{leg}", (0.0, 0.0, -mechanism.link_m), "platform", joint))
+            bodies.append(Body("platform", paths["platform"], base, fixed_base=False))
+            force, torque = self.parameters.slider_force_limit_n, self.parameters.swing_torque_limit_n_m
+            motors = [Motor(name, force if name.startswith("slider") else torque) for name in MOTORS]
+            shown = (not self._owns_client or self.client.gui) if visuals is None else visuals
+            self._machine = ClosedLoopMachine(self.client, bodies, closures, motors, visuals=shown)
+        names = MOTORS + SWINGS
+        self._order = [names.index(name) for name in self._machine.joints]
+        body = self.platform_id
+        pybullet.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=self.client.id)
+        info = pybullet.getDynamicsInfo(body, -1, physicsClientId=self.client.id)
+        self._inertia, self._to_mass = np.array(info[2]), (info[3], info[4])
+        self.reset(mechanism.home_pose)
+
+    @property
+    def platform_id(self) -> int:
+        """PyBullet's number of the platform."""
+        return self._machine.body_ids["platform"]
+
+    def place(self, pose: ArrayLike) -> None:
+        """Put all joints where the kinematics says, at rest, without stepping: for rendering.
+
+        Raises:
+            UnreachablePoseError: the pose (6,) is beyond a limit; names it.
+        """
+        self._place(pose)
+
+    def reset(self, pose: ArrayLike) -> None:
+        """``place`` the machine and have its motors hold it there."""
+        self._machine.hold(self._place(pose)[: len(MOTORS)])
+
+    def run(
+        self, pose: ArrayLike, on_step: Callable[[int], None] | None = None, *, measure: bool = False
+    ) -> PrrsMotionReport:
+        """Drive the machine along poses that are sampled at ``physics_hz`` and start where it stands.
+
+        Args:
+            pose: (n, 6); n - 1 steps are simulated.
+            on_step: called after every step with the number of the row that was reached.
+            measure: look at every step instead of the last one; some three times slower.
+
+        Raises:
+            UnreachablePoseError: a pose on the way is beyond a limit; names it, and nothing is moved.
+            ValueError: the shape does not fit, the first row is elsewhere, or the client runs at another rate.
+        """
+        poses = as_points(pose, 6, "pose")
+        if poses.ndim != 2 or len(poses) == 0:
+            raise ValueError(f"pose has shape {poses.shape}: expected (n, 6) with n >= 1")
+        if self.client.physics_hz != self.parameters.physics_hz:
+            raise ValueError(
+                f"the client runs at {self.client.physics_hz} Hz, the machine's parameters say "
+                f"{self.parameters.physics_hz} Hz: give the machine no client, or one of its own rate"
+            )
+        self._require_reach(poses)
+        targets = self.parameters.mechanism.inverse(poses)
+        quaternions = from_euler(poses[:, 3:])
+        position, quaternion = self.platform()
+        jump, turn = np.linalg.norm(position - poses[0, :3]), angle_between(quaternion, quaternions[0])
+        if jump > START_TOLERANCE_M or turn > START_TOLERANCE_RAD:
+            raise ValueError(
+                f"the motion starts {1e3 * jump:.1f} mm and {np.degrees(turn):.1f} deg from where the platform stands: "
+                "start at the last commanded pose, call reset(), or give stronger motors if the last motion's report "
+                "says that they were saturated"
+            )
+        record, last = _Record(), len(poses) - 1
+
+        def watch(row: int) -> None:
+            if measure:
+                self._look(record, poses[row, :3], quaternions[row])
+            if on_step is not None:
+                on_step(row)
+
+        self._machine.follow(targets, watch if measure else on_step)
+        if not measure or last == 0:
+            self._look(record, poses[last, :3], quaternions[last])
+        position, quaternion = self.platform()
+        return PrrsMotionReport(
+            duration_s=last * self.client.step_s,
+            final_position_m=position,
+            final_quaternion=quaternion,
+            final_error_m=float(np.linalg.norm(position - poses[last, :3])),
+            position_error_m=record.position_m,
+            angle_error_rad=record.angle_rad,
+            closure_error_m=record.closure_m,
+            peak_effort=record.effort,
+            saturated=self._machine.saturated(record.effort),
+            measured=measure,
+        )
+
+    def platform(self) -> tuple[Array, Array]:
+        """The platform's centre (3,) in mechanism coordinates and its quaternion (w, x, y, z)."""
+        position, quaternion = self._machine.pose("platform")
+        position[2] -= self.parameters.origin_height_m
+        return position, quaternion[[3, 0, 1, 2]]
+
+    def joints(self) -> Array:
+        """The driven joints (6,) as they stand, in the mechanism's order."""
+        values = dict(zip(self._machine.joints, self._machine.joint_positions().tolist(), strict=True))
+        return np.array([values[name] for name in MOTORS])
+
+    def close(self) -> None:
+        """Leave the world: close it if it is the machine's own, else remove the bodies. Again does nothing."""
+        if self._open and not self.client.closed:
+            if self._owns_client:
+                self.client.close()
+            else:
+                self._machine.remove()
+        self._open = False
+
+    def __enter__(self) -> PrrsMachine:
+        """Return the machine itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+        self.close()
+
+    def _require_reach(self, poses: Array) -> None:
+        if not np.all(np.isfinite(poses)):
+            raise ValueError("the motion holds a NaN or an infinity: every commanded pose must be finite")
+        found = first_violation(self.parameters.mechanism, poses)
+        if found is not None:
+            at = poses[found.sample].tolist()
+            raise UnreachablePoseError("ThreePRRS", at, found.limit, found.margin, (found.sample,))
+
+    def _place(self, pose: ArrayLike) -> Array:
+        """Joint values in the order of ``MOTORS`` and ``SWINGS``, after the machine has been put there."""
+        poses = as_points(pose, 6, "pose").reshape(1, 6)
+        self._require_reach(poses)
+        chains = self.parameters.mechanism.chains(poses)
+        joints = np.concatenate([chains.joints[0], chains.swing[0]])
+        quaternion = from_euler(poses[0, 3:])
+        position = poses[0, :3] + np.array([0.0, 0.0, self.parameters.origin_height_m])
+        # PyBullet places a free body by its centre of mass.
+        base = pybullet.multiplyTransforms(position.tolist(), quaternion[[1, 2, 3, 0]].tolist(), *self._to_mass)
+        self._machine.reset(joints[self._order], {"platform": base})
+        return joints
+
+    def _look(self, record: _Record, position: Array, quaternion: Array) -> None:
+        at, turned = self.platform()
+        record.position_m = max(record.position_m, float(np.linalg.norm(at - position)))
+        record.angle_rad = max(record.angle_rad, float(angle_between(turned, quaternion)))
+        record.closure_m = max(record.closure_m, self._machine.closure_error_m())
+        np.maximum(record.effort, np.abs(self._machine.motor_efforts()), out=record.effort)
+
+
+@contextmanager
+def _urdf_files(parameters: PrrsParameters) -> Iterator[dict[str, Path]]:
+    """URDFs by their stem: the shipped ones for the shipped parameters, else some written for the moment."""
+    texts = parameters.assets()
+    if parameters == type(parameters)():
+        with ExitStack() as stack:
+            yield {Path(name).stem: stack.enter_context(asset_path(name)) for name in texts}
+        return
+    with tempfile.TemporaryDirectory(prefix=f"fieldgym-{parameters.name}-") as folder:
+        paths = {Path(name).stem: Path(folder) / Path(name).name for name in texts}
+        for path, text in zip(paths.values(), texts.values(), strict=True):
+            path.write_text(text, encoding="utf-8")
+        yield paths
