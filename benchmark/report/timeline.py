@@ -8,14 +8,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 CURVE_POINTS = 33
 """Points of a cumulative curve, from the start of an episode to its end."""
@@ -28,6 +24,7 @@ class TimelineRecorder:
         """Begin at the reset, before any step."""
         self._phases: tuple[str, ...] = ()
         self._seconds: list[list[float]] = []
+        self._ends_s: list[float] = []
         self._counts: list[tuple[float, float, float]] = []
 
     def add(self, info: Mapping[str, Any]) -> None:
@@ -35,19 +32,20 @@ class TimelineRecorder:
         self._phases = tuple(info["phases_s"])
         self._seconds.append([float(value) for value in info["phases_s"].values()])
         scores = info["scorecard"]
+        self._ends_s.append(float(scores["duration_s"]))
         self._counts.append((float(scores["net_rate"]), float(scores["done"]), float(scores["damaged"])))
 
     def curve(self) -> list[float]:
-        """Net rate at equal steps of time, ``CURVE_POINTS`` of them; empty without a step.
+        """Net rate at ``CURVE_POINTS`` equal steps from 0 to the episode's ``duration_s``; empty without a step.
 
         Between two decisions the net rate is what it was after the earlier one.
         """
-        if not self._seconds:
+        if not self._ends_s:
             return []
-        ends = np.cumsum(np.sum(self._seconds, axis=1))
-        at = np.linspace(0.0, ends[-1], CURVE_POINTS)
+        ends_s = np.array(self._ends_s)
+        at_s = np.linspace(0.0, ends_s[-1], CURVE_POINTS)
         rates = np.array([0.0, *(counts[0] for counts in self._counts)])
-        after = np.searchsorted(ends, at * (1.0 + 1e-12), side="right")
+        after = np.searchsorted(ends_s, at_s * (1.0 + 1e-12), side="right")
         return [round(float(rate), 4) for rate in rates[after]]
 
     def timeline(self) -> dict[str, Any]:
@@ -59,48 +57,3 @@ class TimelineRecorder:
             "done": [int(counts[1]) for counts in self._counts],
             "damaged": [int(counts[2]) for counts in self._counts],
         }
-
-
-@dataclass(frozen=True)
-class Timeline:
-    """One episode as it went.
-
-    Attributes:
-        policy: who decided.
-        seed: of the environment.
-        phases: names, in the order in which a decision passes through them.
-        seconds: (n, phases) of every decision.
-        net_rate: (n,) after it.
-        done: (n,) targets done after it.
-        damaged: (n,) targets damaged after it.
-    """
-
-    policy: str
-    seed: int
-    phases: tuple[str, ...]
-    seconds: Array
-    net_rate: Array
-    done: Array
-    damaged: Array
-
-    @property
-    def duration_s(self) -> float:
-        """Seconds of the episode."""
-        return float(self.seconds.sum())
-
-
-def parse(policy: str, seed: int, value: Any) -> Timeline | None:
-    """A timeline out of a record; None when it is missing or of another make."""
-    if not isinstance(value, Mapping):
-        return None
-    try:
-        phases = tuple(str(name) for name in value["phases"])
-        seconds = np.array(value["seconds"], dtype=np.float64).reshape(-1, len(phases))
-        columns = [_column(value.get(name), len(seconds)) for name in ("net_rate", "done", "damaged")]
-    except (KeyError, TypeError, ValueError):
-        return None
-    return Timeline(policy, seed, phases, seconds, *columns) if len(seconds) and seconds.sum() > 0.0 else None
-
-
-def _column(values: Sequence[float] | None, n: int) -> Array:
-    return np.zeros(n) if values is None else np.array(values, dtype=np.float64).reshape(n)

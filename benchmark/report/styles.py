@@ -1,0 +1,80 @@
+"""One colour and one marker a policy, everywhere on the page; one colour a kind of phase.
+
+The colours lie in ``page.css`` as variables, each for a light and for a dark page. They were chosen so that any two
+differ by at least 0.1 in OKLab for normal sight, protanopia, deuteranopia and tritanopia; markers and labels say the
+same again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+HUES = ("blue", "green", "sky", "purple", "wine", "olive")
+"""Variables ``--c-<name>`` that policies without a role of their own take turns in."""
+
+SHAPES = ("circle", "square", "diamond", "up", "down", "cross")
+ROLES = {"random": "grey", "learned": "orange", "bound": "bound"}
+
+_PHASES = {
+    "carrier": ("drive", "index"),
+    "travel": ("travel", "approach", "move"),
+    "carry": ("carry",),
+    "down": ("descend", "lower"),
+    "up": ("lift", "raise"),
+    "settle": ("settle",),
+    "sense": ("recognise", "correct", "look"),
+    "work": ("shear", "burn", "grip", "handle", "hoe", "cut"),
+    "after": ("suck", "release"),
+    "wait": ("wait",),
+    "pause": ("pause",),
+}
+_OF_PHASE = {phase: kind for kind, phases in _PHASES.items() for phase in phases}
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a policy looks: a colour variable without its ``--c-``, and the shape of its marker."""
+
+    colour: str
+    shape: str
+
+    @property
+    def css(self) -> str:
+        """The colour as CSS."""
+        return f"var(--c-{self.colour})"
+
+
+def policy_styles(groups: Iterable[Sequence[str]], references: Iterable[str]) -> dict[str, Style]:
+    """A style for every policy; no two that meet in a group share one, as long as there are enough.
+
+    Args:
+        groups: policies that appear together, a sequence an environment.
+        references: the papers' own orders; each is drawn in ink.
+    """
+    groups, inked = [list(group) for group in groups], set(references)
+    meets: dict[str, set[str]] = {}
+    for group in groups:
+        for name in group:
+            meets.setdefault(name, set()).update(group)
+    count = {name: sum(name in group for group in groups) for name in meets}
+    place = {name: i for i, name in enumerate(meets)}
+    styles: dict[str, Style] = {}
+    for name in sorted(meets, key=lambda item: (-count[item], place[item])):
+        if name in ROLES or name in inked:
+            styles[name] = Style(ROLES.get(name, "ink"), "star" if name == "learned" else "circle")
+            continue
+        taken = {styles[other] for other in meets[name] if other in styles}
+        choices = [Style(hue, SHAPES[(i + turn) % len(SHAPES)]) for turn in range(6) for i, hue in enumerate(HUES)]
+        styles[name] = next((style for style in choices if style not in taken), choices[0])
+    return {name: styles[name] for name in meets}
+
+
+def phase_colours(phases: Sequence[str]) -> Mapping[str, str]:
+    """CSS colour of each phase: blue moves, orange works, violet sees, grey waits; a new phase takes a free colour."""
+    free = [kind for kind in _PHASES if kind not in {_OF_PHASE.get(name) for name in phases}]
+    colours = {}
+    for name in phases:
+        kind = _OF_PHASE.get(name) or (free.pop(0) if free else "settle")
+        colours[name] = f"var(--p-{kind})"
+    return colours
