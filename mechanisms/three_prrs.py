@@ -101,6 +101,16 @@ class ThreePRRS:
         """
         return cls(0.330, 0.160, 0.160, (0.230, 0.455), np.deg2rad(55.0), 0.030, 0.25)
 
+    @classmethod
+    def hoe(cls) -> ThreePRRS:
+        """The sorter's machine with longer links, to carry a hoe over a crop row: level, 0.36 x 0.43 x 0.10 m over z = 0.
+
+        The shortest links on a 5 mm raster that reach it with the sorter's circles, joints and clearances; the slider
+        range is what it takes, rounded outwards to 5 mm. All values are assumed; the paper names tilling and weeding as
+        uses of the mechanism and gives no machine for them.
+        """
+        return cls(0.345, 0.160, 0.160, (0.200, 0.450), np.deg2rad(55.0), 0.030, 0.25)
+
     def inverse(self, pose: ArrayLike, *, strict: bool = False) -> Array:
         """Sliders and driven angles of poses (paper eqs 5 and 6, the root with the slider above).
 

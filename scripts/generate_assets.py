@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from fieldgym.simulation.hoe_model import HoeParameters
 from fieldgym.simulation.picker_model import picker_assets
 from fieldgym.simulation.sorter_model import SorterParameters
 from fieldgym.simulation.transplanter_model import transplanter_assets
@@ -17,7 +18,8 @@ ASSETS = Path(__file__).resolve().parent.parent / "assets"
 
 def generated_assets() -> dict[str, str]:
     """Text of every generated file, by its path below ``assets/``."""
-    return {**picker_assets(), **SorterParameters().assets(), **transplanter_assets(), **weeder_assets()}
+    prrs = HoeParameters().assets() | SorterParameters().assets()
+    return {**picker_assets(), **prrs, **transplanter_assets(), **weeder_assets()}
 
 
 def stale_assets(folder: Path = ASSETS) -> list[str]:

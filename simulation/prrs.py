@@ -104,6 +104,7 @@ class PrrsMachine:
         self._open = True
         mechanism = self.parameters.mechanism
         base = (0.0, 0.0, self.parameters.origin_height_m)
+        self._origin = np.array(base)
         radius = mechanism.platform_radius_m
         bodies, closures = [], []
         with _urdf_files(self.parameters) as paths:
@@ -113,6 +114,7 @@ class PrrsMachine:
                 joint = (radius * float(np.cos(angle)), radius * float(np.sin(angle)), 0.0)
                 closures.append(Closure(f"link{leg}", (0.0, 0.0, -mechanism.link_m), "platform", joint))
             bodies.append(Body("platform", paths["platform"], base, fixed_base=False))
+            bodies += self._fixtures(paths)
             force, torque = self.parameters.slider_force_limit_n, self.parameters.swing_torque_limit_n_m
             motors = [Motor(name, force if name.startswith("slider") else torque) for name in MOTORS]
             shown = (not self._owns_client or self.client.gui) if visuals is None else visuals
@@ -203,8 +205,7 @@ class PrrsMachine:
     def platform(self) -> tuple[Array, Array]:
         """The platform's centre (3,) in mechanism coordinates and its quaternion (w, x, y, z)."""
         position, quaternion = self._machine.pose("platform")
-        position[2] -= self.parameters.origin_height_m
-        return position, quaternion[[3, 0, 1, 2]]
+        return position - self._origin, quaternion[[3, 0, 1, 2]]
 
     def joints(self) -> Array:
         """The driven joints (6,) as they stand, in the mechanism's order."""
@@ -230,6 +231,10 @@ class PrrsMachine:
         """Close."""
         self.close()
 
+    def _fixtures(self, paths: dict[str, Path]) -> list[Body]:
+        """Further bodies of the machine, which do not move; ``paths`` are its URDFs by their stem."""
+        return []
+
     def _require_reach(self, poses: Array) -> None:
         if not np.all(np.isfinite(poses)):
             raise ValueError("the motion holds a NaN or an infinity: every commanded pose must be finite")
@@ -245,7 +250,7 @@ class PrrsMachine:
         chains = self.parameters.mechanism.chains(poses)
         joints = np.concatenate([chains.joints[0], chains.swing[0]])
         quaternion = from_euler(poses[0, 3:])
-        position = poses[0, :3] + np.array([0.0, 0.0, self.parameters.origin_height_m])
+        position = poses[0, :3] + self._origin
         # PyBullet places a free body by its centre of mass.
         base = pybullet.multiplyTransforms(position.tolist(), quaternion[[1, 2, 3, 0]].tolist(), *self._to_mass)
         self._machine.reset(joints[self._order], {"platform": base})
