@@ -103,7 +103,7 @@ class ThreePRRS:
 
     @classmethod
     def hoe(cls) -> ThreePRRS:
-        """The sorter's machine with longer links, to carry a hoe over a crop row: level, 0.36 x 0.43 x 0.10 m over z = 0.
+        """The sorter's machine with longer links, for a hoe: level, 0.36 x 0.43 m and 0.10 m high over z = 0.
 
         The shortest links on a 5 mm raster that reach it with the sorter's circles, joints and clearances; the slider
         range is what it takes, rounded outwards to 5 mm. All values are assumed; the paper names tilling and weeding as

@@ -65,7 +65,8 @@ class HoeMachine(PrrsMachine):
         poses = as_points(pose, 6, "pose")
         tip = poses[:, :3] - parameters.tool_m * axes(from_euler(poses[:, 3:]))[..., 2]
         tip[:, 2] += parameters.origin_height_m
-        velocity = np.gradient(tip, 1.0 / parameters.physics_hz, axis=0) + [speed_m_s, 0.0, 0.0]
+        velocity = np.gradient(tip, 1.0 / parameters.physics_hz, axis=0)
+        velocity[:, 0] += speed_m_s
         depth = np.maximum(-tip[:, 2], 0.0)
         size = parameters.soil_resistance_pa * 2.0 * parameters.blade_radius_m * depth
         speed = np.linalg.norm(velocity, axis=1)
