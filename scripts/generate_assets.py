@@ -19,7 +19,7 @@ ASSETS = Path(__file__).resolve().parent.parent / "assets"
 def generated_assets() -> dict[str, str]:
     """Text of every generated file, by its path below ``assets/``."""
     prrs = HoeParameters().assets() | SorterParameters().assets()
-    return {**picker_assets(), **prrs, **transplanter_assets(), **weeder_assets()}
+    return dict(sorted((picker_assets() | prrs | transplanter_assets() | weeder_assets()).items()))
 
 
 def stale_assets(folder: Path = ASSETS) -> list[str]:
