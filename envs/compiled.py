@@ -23,7 +23,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 def compiled(function: Function) -> Function:
     """Compile ``function`` at its first call; IEEE arithmetic as written, division by zero gives infinity or NaN."""
-    dispatcher = numba.njit(cache=True, error_model="numpy")(function)
+    dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
     # Numba renews kept machine code when the function's own file has changed. What it calls stands in other files too.
     dispatcher._cache._cache_file._source_stamp = _stamp(Path(inspect.getfile(function)).parent)
     return dispatcher

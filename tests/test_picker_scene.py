@@ -82,7 +82,7 @@ def test_picking_takes_the_filaments_out_of_the_picture(picker):
     core = picker.core
     before = int(core.state.remaining[0])
     picker.step(2)
-    core.state.pose[0] = [core._centres[0] - core.config.machine.picker.camera_ahead_m, *core._park]
+    core.state.pose[0] = core._first_pose
     look = picker.view.look()
     blooms = detect_blooms(look.rgb, look.depth_m, *look.camera)
     assert np.count_nonzero(np.abs(blooms.position[:, 0] - core._centres[0]) < 0.22) == before - 1

@@ -147,7 +147,8 @@ def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array) -> A
     for effort, (strokes, suction_s) in enumerate(zip(process.strokes, process.suction_s, strict=True)):
         dropped = dropped_share(process, suction_s)
         for head, (off, grams, (to_cut, to_collect)) in enumerate(zip(error, mass, odds, strict=True)):
-            cut = grams * cut_share(shears, float(strokes), *off, to_cut)
+            along, across, up = off
+            cut = grams * cut_share(shears, float(strokes), along, across, up, to_cut)
             gains[head, effort] = cut * collected_share(dropped, to_collect)
     return gains
 

@@ -54,7 +54,7 @@ class PyBulletPicker:
     def reset_rows(self, rows: Rows) -> None:
         """Put the machine where the rules say it stands."""
         if len(rows):
-            pose = self._core.pose[0]
+            pose = self._core.state.pose[0]
             self._machine.reset(float(pose[0]), pose[1:])
 
     def execute(self, plan: PickerPlan) -> PickerOutcome:

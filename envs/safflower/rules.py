@@ -191,7 +191,8 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> P
             beside_s[w, axis] = shortest(stroke, tables.pace_s_m[axis], tables.square_pace_s2_m[axis])
         beside = max(beside_s[w, 0], beside_s[w, 1])
         drive = beside if slot == slots else 0.0
-        phases_s[w] = tables.phases_s[what]
+        for phase in range(phases_s.shape[1]):
+            phases_s[w, phase] = tables.phases_s[what, phase]
         phases_s[w, TRAVEL_ALONG] = drive
         phases_s[w, TRAVEL] = rise + descent + (beside - drive)
         phases_s[w, SETTLE] = tables.settle_s if abs(target[w, 0] - start[w, 0]) > STILL_M else 0.0
@@ -227,7 +228,8 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: PickerPlan, phases_s: Arr
             fill_slots(worlds, w)
         elif kind == NOTHING:
             totals[ILLEGAL] += 1.0
-        worlds.pose[w] = plan.target[w]
+        for axis in range(3):
+            worlds.pose[w, axis] = plan.target[w, axis]
         worlds.rise_s[w] = plan.next_rise_s[w]
         terminated[w] = kind == FINISH
         truncated[w] = totals[TIME] >= tables.time_limit_s and not terminated[w]
@@ -315,9 +317,10 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
         machine[w, 5] = worlds.remaining[w] / slots
         for k in range(slots):
             report = worlds.slot_report[w, k]
-            feature = candidates[w, k * _FEATURES : (k + 1) * _FEATURES]
-            feature[:] = worlds.track_feature[w, report]
-            if feature[0] > 0.0:
+            column = k * _FEATURES
+            for f in range(_FEATURES):
+                candidates[w, column + f] = worlds.track_feature[w, report, f]
+            if candidates[w, column] > 0.0:
                 # Tool and cart travel side by side after the rise that every candidate shares; see plan_worlds.
                 along = worlds.track_target[w, report, 0] - pose[0]
                 across = worlds.track_target[w, report, 1] - pose[1]
@@ -325,9 +328,11 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
                     shortest(along, tables.pace_s_m[0], tables.square_pace_s2_m[0]),
                     shortest(across, tables.pace_s_m[1], tables.square_pace_s2_m[1]),
                 )
-                feature[_ALONG] = along / AHEAD_SCALE_M
-                feature[_TRAVEL] = (worlds.rise_s[w] + beside_s + worlds.track_descent_s[w, report]) / TRAVEL_SCALE_S
-            mask[w, DRIVE * k : DRIVE * (k + 1)] = worlds.track_legal[w, report]
+                travel_s = worlds.rise_s[w] + beside_s + worlds.track_descent_s[w, report]
+                candidates[w, column + _ALONG] = along / AHEAD_SCALE_M
+                candidates[w, column + _TRAVEL] = travel_s / TRAVEL_SCALE_S
+            for effort in range(DRIVE):
+                mask[w, DRIVE * k + effort] = worlds.track_legal[w, report]
         mask[w, -1] = 1
     return machine, candidates, mask
 
@@ -342,7 +347,8 @@ def score_worlds(worlds: Worlds) -> Array:
         result[w, 0] = totals[GAINED] / max(totals[TOTAL], 1e-12)
         result[w, 1] = totals[LAST] / max(totals[DONE], 1.0)
         result[w, 2] = totals[DONE] * per_minute
-        result[w, 3:-2] = totals[:LAST]
+        for column in range(LAST):
+            result[w, 3 + column] = totals[column]
         result[w, -2] = totals[GAINED] * per_minute
         result[w, -1] = worlds.stop[w]
     return result

@@ -11,9 +11,9 @@ from ...perception.blooms import detect_blooms
 from ...simulation.camera import RgbdFrame
 from ..core import Array, StepResult
 from .executor import picker_parameters, trajectory
+from .rules import NOTHING, PickerPlan
 from .scenario import fixed_order, stop_centres
 from .scene import Field, PickerScene
-from .rules import NOTHING, PickerPlan
 from .task import SafflowerCore
 
 MATCH_RADIUS_M = 0.025
