@@ -45,6 +45,7 @@ $(CORE): $(INPUTS) | $(BIN)/python
 	@# Static tools cannot follow an editable install of this layout, but they can follow a link to the tree.
 	@mkdir -p $(VENV)/src && ln -sfn "$(CURDIR)" $(VENV)/src/fieldgym
 	@cd $(VENV)/src && pwd > "$$(../bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/fieldgym-src.pth"
+	$(BIN)/fieldgym prepare
 	@touch $@
 
 $(FULL): $(CORE)

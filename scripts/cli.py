@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import fieldgym
-from fieldgym.scripts import benchmark, evaluate, reproduce, run, train
+from fieldgym.scripts import benchmark, evaluate, prepare, reproduce, run, train
 from fieldgym.scripts.common import execute
 
 app = typer.Typer(
@@ -23,6 +23,7 @@ app.command("benchmark")(benchmark.main)
 app.command("reproduce")(reproduce.main)
 app.command("train")(train.main)
 app.command("evaluate")(evaluate.main)
+app.command("prepare")(prepare.main)
 
 
 def _show_version(wanted: bool) -> None:

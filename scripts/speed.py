@@ -22,7 +22,8 @@ from rich.console import Console
 from rich.table import Table
 
 import fieldgym
-from fieldgym.agents import act_single, make_policy
+from fieldgym.agents import act_single, make_policy, reference_policy
+from fieldgym.envs import ENV_IDS
 from fieldgym.mechanisms import FiveBar, ThreePRRS, ThreeUPSRPU, TranslationalFiveBar
 
 SAFFLOWER = "fieldgym/SafflowerPicking-v0"
@@ -157,55 +158,57 @@ def pybullet_inverse_rate(bar: FiveBar, calls: int) -> float:
         return calls / best_of(solve, 3)
 
 
-def analytic_decisions(quick: bool) -> None:
-    """Single analytic environment as ``gym.make`` gives it: the first candidate with normal effort, or drive on."""
-    env = gym.make(SAFFLOWER, backend="analytic")
-    decisions = 1_000 if quick else 3_000
+def single_decisions(env_id: str, quick: bool, **settings: str) -> float:
+    """Decisions a second of a single environment as ``gym.make`` gives it, resets included, the policy's time not."""
+    env = gym.make(env_id, **settings)
+    policy = make_policy(reference_policy(env_id), env)
+    decisions = (60 if quick else 150) if settings["backend"] == "pybullet" else (1_000 if quick else 3_000)
     observation, _ = env.reset(seed=0)
-    last = len(observation["action_mask"]) - 1
-
-    def play() -> None:
-        mask = env.reset()[0]["action_mask"]
-        for _ in range(decisions):
-            observation, _, end, cut, _ = env.step(1 if mask[1] else last)
-            mask = (env.reset()[0] if end or cut else observation)["action_mask"]
-
-    LINES.append(("single env, analytic", f"{decisions / best_of(play, 9):,.0f} decisions/s", "limit 5,000"))
-
-
-def vector_decisions(quick: bool) -> None:
-    """Vector environment; the time of choosing the actions is not counted."""
-    for worlds in (1, 64, 1024):
-        env = gym.make_vec(SAFFLOWER, num_envs=worlds, vectorization_mode="vector_entry_point")
-        policy = make_policy("fixed-order", env)
-        observation, _ = env.reset(seed=0)
-        steps, stepping = max(60 if quick else 200, 2_000 // worlds), []
-        for _ in range(steps):
-            actions = policy.act(observation)
-            start = time.perf_counter()
-            observation, *_ = env.step(actions)
-            stepping.append(time.perf_counter() - start)
-        # Sums over stretches of steps keep the resets in; the best stretch is the least disturbed one.
-        stretch = [sum(stepping[i : i + steps // 5]) for i in range(0, steps - steps // 5 + 1, steps // 5)]
-        rate = worlds * (steps // 5) / min(stretch)
-        limit = "limit 200,000" if worlds == 1024 else ""
-        LINES.append((f"vector env, {worlds:,} worlds", f"{rate:,.0f} decisions/s", limit))
-
-
-def pybullet_decisions(quick: bool) -> None:
-    """PyBullet machine without camera, fixed order on the paper's protocol."""
-    env = gym.make(SAFFLOWER, backend="pybullet", perception="perfect")
-    policy = make_policy("fixed-order", env)
     rates = []
-    for seed in range(2 if quick else 5):
-        observation, _ = env.reset(seed=seed)
-        start, decisions, over = time.perf_counter(), 0, False
-        while not over:
-            observation, _, end, cut, _ = env.step(act_single(policy, observation))
-            decisions, over = decisions + 1, end or cut
-        rates.append(decisions / (time.perf_counter() - start))
+    for _ in range(3 if quick else 7):
+        spent = 0.0
+        for _ in range(decisions):
+            action = act_single(policy, observation)
+            start = time.perf_counter()
+            observation, _, end, cut, _ = env.step(action)
+            if end or cut:
+                observation, _ = env.reset()
+            spent += time.perf_counter() - start
+        rates.append(decisions / spent)
     env.close()
-    LINES.append(("single env, PyBullet without camera", f"{max(rates):.0f} decisions/s", "limit 40"))
+    return max(rates)
+
+
+def vector_decisions(env_id: str, worlds: int, quick: bool) -> float:
+    """Decisions a second of the vector environment, resets included, the policy's time not."""
+    env = gym.make_vec(env_id, num_envs=worlds, vectorization_mode="vector_entry_point")
+    policy = make_policy(reference_policy(env_id), env)
+    observation, _ = env.reset(seed=0)
+    steps, stepping = max(60 if quick else 200, 2_000 // worlds), []
+    for _ in range(steps):
+        actions = policy.act(observation)
+        start = time.perf_counter()
+        observation, *_ = env.step(actions)
+        stepping.append(time.perf_counter() - start)
+    # Sums over stretches of steps keep the resets in; the best stretch is the least disturbed one.
+    stretch = [sum(stepping[i : i + steps // 5]) for i in range(0, steps - steps // 5 + 1, steps // 5)]
+    return worlds * (steps // 5) / min(stretch)
+
+
+def decisions(quick: bool) -> None:
+    """Every environment: one world, a batch, and the machine in PyBullet without its camera."""
+    for env_id in ENV_IDS:
+        name = env_id.removeprefix("fieldgym/")
+        figures = (
+            ("single, analytic", lambda e=env_id: single_decisions(e, quick, backend="analytic")),
+            *(
+                (f"batch of {n:,}", lambda e=env_id, n=n: vector_decisions(e, n, quick))
+                for n in ((1, 64, 1024) if env_id == SAFFLOWER else (1024,))
+            ),
+            ("PyBullet", lambda e=env_id: single_decisions(e, quick, backend="pybullet", perception="perfect")),
+        )
+        for what, measure in figures:
+            LINES.append((f"{name}, {what}", f"{measure():,.0f} decisions/s", ""))
 
 
 def camera_frames() -> None:
@@ -248,9 +251,7 @@ def main() -> None:
         for name, measure in (
             ("imports", import_times),
             ("kinematics", lambda: kinematics(quick)),
-            ("single decisions", lambda: analytic_decisions(quick)),
-            ("batched decisions", lambda: vector_decisions(quick)),
-            ("PyBullet decisions", lambda: pybullet_decisions(quick)),
+            ("decisions", lambda: decisions(quick)),
             ("camera frames", camera_frames),
             ("tracking", tracking),
         ):

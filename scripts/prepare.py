@@ -1,0 +1,39 @@
+"""Compile the rules of every environment once, so that its first episode starts at once.
+
+    python scripts/prepare.py
+
+Machine code stays beside the sources and is renewed when they change; without this command each environment compiles
+itself at its first reset.
+"""
+
+from __future__ import annotations
+
+import time
+
+import typer
+from rich.console import Console
+
+from fieldgym.scripts.common import execute
+
+
+def main() -> None:
+    """Compile the rules of every environment once, so that its first episode starts at once."""
+    import gymnasium as gym
+
+    from fieldgym.envs import ENV_IDS
+
+    console = Console(highlight=False)
+    for env_id in ENV_IDS:
+        start = time.perf_counter()
+        with console.status(f"compiling {env_id}"):
+            env = gym.make(env_id, backend="analytic")
+            env.reset(seed=0)
+            env.step(env.action_space.sample())
+            env.close()
+        console.print(f"{env_id} is ready ({time.perf_counter() - start:.1f} s)")
+
+
+if __name__ == "__main__":
+    app = typer.Typer(add_completion=False)
+    app.command()(main)
+    execute(app, "prepare.py")
