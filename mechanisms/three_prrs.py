@@ -105,11 +105,10 @@ class ThreePRRS:
     def hoe(cls) -> ThreePRRS:
         """The sorter's machine with longer links, for a hoe: level, 0.36 x 0.43 m and 0.10 m high over z = 0.
 
-        The shortest links on a 5 mm raster that reach it with the sorter's circles, joints and clearances; the slider
-        range is what it takes, rounded outwards to 5 mm. All values are assumed; the paper names tilling and weeding as
-        uses of the mechanism and gives no machine for them.
+        Found by ``scripts/synthesise_sorter.py`` as the sorter, with the same platform and joints. All values are
+        assumed; the paper names tilling and weeding as uses of the mechanism and gives no machine for them.
         """
-        return cls(0.345, 0.160, 0.160, (0.200, 0.450), np.deg2rad(55.0), 0.030, 0.25)
+        return cls(0.345, 0.160, 0.160, (0.200, 0.445), np.deg2rad(55.0), 0.030, 0.25)
 
     def inverse(self, pose: ArrayLike, *, strict: bool = False) -> Array:
         """Sliders and driven angles of poses (paper eqs 5 and 6, the root with the slider above).

@@ -1,6 +1,6 @@
-"""Find the 3-PRRS of the sorting cell: ``python -m fieldgym.scripts.synthesise_sorter``.
+"""Find the 3-PRRS of the sorting cell and of the hoe: ``python -m fieldgym.scripts.synthesise_sorter``.
 
-The machine hangs over a belt 0.3 m wide. Required:
+The sorter hangs over a belt 0.3 m wide. Required:
 
 - gripping: every point of a cylinder 0.30 m across and 0.10 m high, with a yaw up to +-45 deg and, at the same time, a
   tilt up to 15 deg towards any side (more tilt with less yaw, and near the middle, is what the limits leave);
@@ -8,6 +8,9 @@ The machine hangs over a belt 0.3 m wide. Required:
 - limits: spherical joints up to 55 deg, just under what the paper's workspace needs (assumed); links at least 30 mm
   apart (bars of 25 mm, assumed); a platform circle of 160 mm, which takes a gripper (assumed); sliders no closer
   together than the platform's joints.
+
+The hoe hangs over a crop row. Required, level and under the same limits: a box 0.36 m along the row, 0.43 m across and
+0.10 m high, for a band of 0.40 m, a window of 0.28 m, and what following and stirring add.
 
 Among the layouts on a raster of 5 mm in l and 10 mm in D the one with the shortest links is taken; ties go to the
 largest smallest singular value (speeds of joints per speed of the platform) over the required set. The slider range is
@@ -28,6 +31,7 @@ LINK_CLEARANCE_M = 0.030
 MIN_PLATFORM_LOCK = 0.25
 GRIP_RADIUS_M, PLACE_RADIUS_M, HEIGHT_M = 0.15, 0.20, 0.10
 TILT_RAD, YAW_RAD = np.deg2rad(15.0), np.deg2rad(45.0)
+HOE_HALF_LENGTH_M, HOE_HALF_WIDTH_M = 0.18, 0.215
 _ANY_SLIDER_M = (-10.0, 10.0)
 
 
@@ -43,6 +47,14 @@ class Candidate(NamedTuple):
 def required_poses() -> np.ndarray:
     """Poses at z = 0 that span the required set, shape (n, 6); only the sliders see the height."""
     return np.concatenate([_poses(GRIP_RADIUS_M, TILT_RAD, YAW_RAD), _poses(PLACE_RADIUS_M, 0.0, 0.0)])
+
+
+def required_hoe_poses() -> np.ndarray:
+    """The same for the hoe."""
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, 13) * HOE_HALF_LENGTH_M, np.linspace(-1.0, 1.0, 13) * HOE_HALF_WIDTH_M)
+    poses = np.zeros((x.size, 6))
+    poses[:, 0], poses[:, 1] = x.ravel(), y.ravel()
+    return poses
 
 
 def evaluate(link_m: float, base_diameter_m: float, poses: np.ndarray) -> Candidate | None:
@@ -69,13 +81,12 @@ def evaluate(link_m: float, base_diameter_m: float, poses: np.ndarray) -> Candid
     return Candidate(machine, float(conditioning.smallest.min()), float(conditioning.number.max()), float(lock))
 
 
-def synthesise() -> list[Candidate]:
-    """All layouts with the shortest links, best first.
+def synthesise(poses: np.ndarray) -> list[Candidate]:
+    """All layouts with the shortest links for required poses (n, 6) at z = 0, best first.
 
     Raises:
         ValueError: no layout of the raster holds the required set.
     """
-    poses = required_poses()
     for link_mm in range(200, 601, 5):
         found = [
             candidate
@@ -89,18 +100,20 @@ def synthesise() -> list[Candidate]:
 
 def main() -> None:
     """Print the layouts with the shortest links."""
-    print("  l mm   D mm   d mm  sliders mm  smallest s.v.  condition  lock")
-    for candidate in synthesise():
-        machine = candidate.machine
-        low, high = (round(1000 * limit) for limit in machine.slider_range_m)
-        lengths = (machine.link_m, machine.base_diameter_m, machine.platform_diameter_m)
-        print(
-            *(f"{1000 * length:6.0f}" for length in lengths),
-            f"{low:6d}..{high}",
-            f"{candidate.smallest_singular_value:10.3f}",
-            f"{candidate.largest_condition_number:13.2f}",
-            f"{candidate.smallest_lock:7.3f}",
-        )
+    print("           l mm   D mm   d mm  sliders mm  smallest s.v.  condition  lock")
+    for name, poses in (("sorter", required_poses()), ("hoe", required_hoe_poses())):
+        for candidate in synthesise(poses):
+            machine = candidate.machine
+            low, high = (round(1000 * limit) for limit in machine.slider_range_m)
+            lengths = (machine.link_m, machine.base_diameter_m, machine.platform_diameter_m)
+            print(
+                f"{name:>8}",
+                *(f"{1000 * length:6.0f}" for length in lengths),
+                f"{low:6d}..{high}",
+                f"{candidate.smallest_singular_value:10.3f}",
+                f"{candidate.largest_condition_number:13.2f}",
+                f"{candidate.smallest_lock:7.3f}",
+            )
 
 
 def _poses(radius_m: float, tilt_rad: float, yaw_rad: float) -> np.ndarray:

@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +24,7 @@ from .prrs_model import PrrsParameters
 from .sorter_limits import first_violation
 
 Array = NDArray[np.float64]
+Machine = TypeVar("Machine", bound="PrrsMachine")
 
 MOTORS = ("slider1", "slider2", "slider3", "drive1", "drive2", "drive3")
 """Driven joints in the order of the mechanism's joints."""
@@ -221,7 +223,7 @@ class PrrsMachine:
                 self._machine.remove()
         self._open = False
 
-    def __enter__(self) -> PrrsMachine:
+    def __enter__(self: Machine) -> Machine:
         """Return the machine itself."""
         return self
 

@@ -11,7 +11,7 @@ from fieldgym.mechanisms import ThreePRRS, UnreachablePoseError
 from fieldgym.mechanisms.prrs_legs import LEG_ANGLES_RAD, MARGINS
 from fieldgym.mechanisms.rotations import euler_from_rotation, rotation_from_euler, sines_and_cosines
 
-MACHINES = {"published": ThreePRRS.published(), "sorter": ThreePRRS.sorter()}
+MACHINES = {"published": ThreePRRS.published(), "sorter": ThreePRRS.sorter(), "hoe": ThreePRRS.hoe()}
 machines = pytest.mark.parametrize("machine", MACHINES.values(), ids=MACHINES.keys())
 
 
@@ -358,6 +358,15 @@ def test_sorter_is_what_the_script_finds():
     found = evaluate(0.330, 0.160, poses)
     assert found is not None and found.machine == ThreePRRS.sorter()
     assert all(evaluate(0.325, base_mm / 1000, poses) is None for base_mm in range(160, 400, 20))
+
+
+def test_hoe_is_what_the_script_finds():
+    from fieldgym.scripts.synthesise_sorter import evaluate, required_hoe_poses
+
+    poses = required_hoe_poses()
+    found = evaluate(0.345, 0.160, poses)
+    assert found is not None and found.machine == ThreePRRS.hoe()
+    assert all(evaluate(0.340, base_mm / 1000, poses) is None for base_mm in range(160, 400, 20))
 
 
 @pytest.mark.parametrize(
