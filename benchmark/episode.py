@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from .suites import Episode
+from . import limits
+from .record import Record, failed, identity, plain, plain_number
+from .report.timeline import TimelineRecorder
+from .suites import BOUND, Episode
 
 if TYPE_CHECKING:
     import gymnasium as gym
-
-Record = dict[str, Any]
-"""What an episode leaves: its conditions (``env_id``, ``scenario``, ``backend``, ``perception``, ``policy``, ``seed``),
-then ``return``, ``rewards``, ``steps``, ``terminated``, ``scorecard``, ``wall_s``, ``decision_s``; or ``error``."""
 
 MAX_STEPS = 20_000
 """Decisions after which an episode is called endless: a policy that never drives on must not hang a benchmark."""
@@ -26,25 +24,25 @@ POLICY_SEEDS = 1_000_000
 """Added to the environment's seed for the policy's: with equal seeds both would draw the same numbers."""
 
 
+def never() -> bool:
+    """For episodes that nothing stops."""
+    return False
+
+
+class RunEpisode(Protocol):
+    """What a worker calls: ``run_episode``, or a stand-in that can be pickled."""
+
+    def __call__(self, episode: Episode, cancelled: Callable[[], bool]) -> Record:
+        """Run ``episode``, asking ``cancelled`` now and then."""
+        ...
+
+
 class EpisodeCancelledError(Exception):
     """The benchmark is being stopped; the episode leaves no record."""
 
 
-def identity(episode: Episode) -> Record:
-    """The fields of a record that tell one episode from all others."""
-    condition = episode.condition
-    return {
-        "env_id": condition.env_id,
-        "scenario": condition.scenario,
-        "backend": condition.backend,
-        "perception": condition.perception,
-        "policy": episode.policy,
-        "seed": episode.seed,
-    }
-
-
-def run_episode(episode: Episode, cancelled: Callable[[], bool] = lambda: False) -> Record:
-    """Run one episode to its end.
+def run_episode(episode: Episode, cancelled: Callable[[], bool] = never) -> Record:
+    """Run one episode to its end; for ``BOUND``, compute what none can beat.
 
     Args:
         episode: what to run.
@@ -57,16 +55,12 @@ def run_episode(episode: Episode, cancelled: Callable[[], bool] = lambda: False)
         EpisodeCancelledError: ``cancelled`` said so.
     """
     try:
-        return {**identity(episode), **_play(episode, cancelled)}
+        result = limits.bound(episode) if episode.policy == BOUND else _play(episode, cancelled)
+        return {**identity(episode), **result}
     except EpisodeCancelledError:
         raise
     except Exception as error:
         return failed(episode, f"{type(error).__name__}: {error}")
-
-
-def failed(episode: Episode, reason: str) -> Record:
-    """The record of an episode that has no result."""
-    return {**identity(episode), "error": " ".join(reason.split())}
 
 
 def _play(episode: Episode, cancelled: Callable[[], bool]) -> Record:
@@ -75,34 +69,50 @@ def _play(episode: Episode, cancelled: Callable[[], bool]) -> Record:
     started = time.perf_counter()
     env = _make(episode)
     try:
-        policy = make_policy(episode.policy, env, seed=POLICY_SEEDS + episode.seed)
         observation, info = env.reset(seed=episode.seed)
+        # What loads or compiles at a first decision is no thinking: another policy of the same name decides it before.
+        act_single(make_policy(episode.policy, env, seed=POLICY_SEEDS + episode.seed), observation)
+        policy = make_policy(episode.policy, env, seed=POLICY_SEEDS + episode.seed)
         policy.reset(np.ones(1, dtype=bool))
-        total, decision_s, steps, terms = 0.0, 0.0, 0, dict.fromkeys(info["rewards"], 0.0)
+        recorder, words = TimelineRecorder(), [] if episode.timeline else None
+        began_s = float(info["scorecard"]["duration_s"])
+        total, terms = 0.0, dict.fromkeys(info["rewards"], 0.0)
+        thinking: list[float] = []
+        last_s = thought_before_last_s = 0.0
         terminated = truncated = False
         while not (terminated or truncated):
             if cancelled():
                 raise EpisodeCancelledError
-            if steps >= MAX_STEPS:
+            if len(thinking) >= MAX_STEPS:
                 raise RuntimeError(f"no end after {MAX_STEPS} decisions: the policy never finishes this scenario")
             before = time.perf_counter()
             action = act_single(policy, observation)
-            decision_s += time.perf_counter() - before
+            thinking.append(time.perf_counter() - before)
+            cycle_time_s = info["scorecard"]["cycle_time_s"]
             observation, reward, terminated, truncated, info = env.step(action)
+            recorder.add(info)
+            if words is not None:
+                words.append(env.unwrapped.describe_last_decision())  # type: ignore[attr-defined]
+            if info["scorecard"]["cycle_time_s"] != cycle_time_s:  # a target was finished
+                last_s, thought_before_last_s = float(info["scorecard"]["duration_s"]), sum(thinking)
             total += float(reward)
-            steps += 1
             for name, value in info["rewards"].items():
                 terms[name] += float(value)
     finally:
         env.close()
     return {
-        "return": _number(total),
+        "return": plain_number(total),
         "rewards": plain(terms),
-        "steps": steps,
+        "steps": len(thinking),
         "terminated": bool(terminated),
         "scorecard": plain(info["scorecard"]),
+        "last_s": last_s,
         "wall_s": time.perf_counter() - started,
-        "decision_s": decision_s,
+        "decision_s": sum(thinking),
+        "decision_p95_ms": 1000.0 * float(np.percentile(thinking, 95.0)),
+        "decision_before_last_s": thought_before_last_s,
+        "curve": recorder.curve(),
+        **({} if words is None else {"timeline": {"began_s": began_s, "words": words, **recorder.timeline()}}),
     }
 
 
@@ -119,12 +129,3 @@ def _make(episode: Episode) -> gym.Env[Any, Any]:
         perception=condition.perception,
         disable_env_checker=True,
     )
-
-
-def plain(values: Mapping[str, Any]) -> dict[str, float | None]:
-    """Named values as JSON numbers; what is not finite (the cycle time of an episode without a cycle) is None."""
-    return {name: _number(value) for name, value in values.items()}
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -6,7 +6,7 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from .episode import Record
+from .record import Record
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -12,21 +12,17 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from multiprocessing import connection, get_context, parent_process
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from .episode import Record, failed, run_episode
+from . import cluster
+from .episode import RunEpisode, never, run_episode
+from .limits import violations
+from .record import Record, failed
 from .store import Results, manifest
 from .suites import Episode, Suite
 
+ENGINES = ("local", "ray")
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
-
-class RunEpisode(Protocol):
-    """What a worker calls: ``run_episode``, or a stand-in that can be pickled."""
-
-    def __call__(self, episode: Episode, cancelled: Callable[[], bool]) -> Record:
-        """Run ``episode``, asking ``cancelled`` now and then."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -35,13 +31,17 @@ class Report:
 
     Attributes:
         records: every finished episode in the folder, those of earlier runs included; no failed ones.
-        failures: the records of episodes that failed in this run.
-        skipped: episodes that an earlier run had finished.
+        bounds: every bound in the folder, likewise.
+        failures: the records of what failed in this run.
+        skipped: episodes and bounds that an earlier run had finished.
+        violations: results that beat their bound, in words; there must be none.
     """
 
     records: list[Record]
+    bounds: list[Record]
     failures: list[Record]
     skipped: int
+    violations: list[str]
 
 
 class InterruptedRunError(Exception):
@@ -72,6 +72,7 @@ def run_suite(
     jobs: int = 1,
     resume: bool = False,
     run: RunEpisode = run_episode,
+    engine: str = "local",
     on_start: Callable[[int, int], None] = lambda skipped, total: None,
     on_record: Callable[[Record], None] = lambda record: None,
 ) -> Report:
@@ -82,19 +83,25 @@ def run_suite(
     Args:
         suite: what to run.
         folder: where results go, see ``Results``.
-        jobs: worker processes; with 1 the episodes run in this process.
+        jobs: worker processes; with 1 the episodes run in this process. On a cluster, episodes at a time.
         resume: keep the finished episodes that lie in ``folder``.
         run: what runs an episode.
+        engine: one of ``ENGINES``: ``"local"``, or ``"ray"`` to spread the episodes over a Ray cluster.
         on_start: called once with the number of skipped episodes and of all.
         on_record: called with every record after it has been written.
 
     Raises:
         ResultsError: the folder cannot be used.
         InterruptedRunError: Ctrl-C; what was finished is kept.
-        ValueError: ``jobs`` < 1.
+        EngineError: the cluster cannot be used.
+        ValueError: ``jobs`` < 1, or there is no such engine.
     """
     if jobs < 1:
         raise ValueError(f"jobs = {jobs}: give at least 1")
+    if engine not in ENGINES:
+        raise ValueError(f"engine = {engine!r}: choose one of {', '.join(ENGINES)}")
+    if engine == "ray":
+        cluster.load()  # before anything is written
     episodes = suite.episodes()
     results = Results(folder, manifest(suite.name), resume)
     failures: list[Record] = []
@@ -102,7 +109,8 @@ def run_suite(
         done = results.finished(episodes)
         todo = [episode for episode in episodes if episode not in done]
         on_start(len(done), len(episodes))
-        with closing(_records(todo, min(jobs, max(len(todo), 1)), run)) as records:
+        spread = _records if engine == "local" else cluster.run_on_ray
+        with closing(spread(todo, run, min(jobs, max(len(todo), 1)))) as records:
             for record in records:
                 if "error" in record:
                     failures.append(record)
@@ -113,18 +121,15 @@ def run_suite(
         raise InterruptedRunError(len(results.finished(episodes)), len(episodes)) from None
     finally:
         results.close()
-    return Report([record for record in results.records if "error" not in record], failures, len(done))
+    kept, bounds = ([record for record in part if "error" not in record] for part in (results.records, results.bounds))
+    return Report(kept, bounds, failures, len(done), violations(kept, bounds))
 
 
-def _records(todo: Sequence[Episode], jobs: int, run: RunEpisode) -> Generator[Record, None, None]:
+def _records(todo: Sequence[Episode], run: RunEpisode, jobs: int) -> Generator[Record, None, None]:
     if jobs > 1:
         yield from _in_processes(todo, jobs, run)
     else:
-        yield from (run(episode, _never) for episode in todo)
-
-
-def _never() -> bool:
-    return False
+        yield from (run(episode, never) for episode in todo)
 
 
 def _in_processes(todo: Sequence[Episode], jobs: int, run: RunEpisode) -> Iterator[Record]:

@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from .episode import Record, identity
-from .suites import Condition, Episode
+from .record import Record, condition, identity, key
+from .suites import BOUND, Episode
 
 EPISODES = "episodes.jsonl"
+BOUNDS = "bounds.jsonl"
 MANIFEST = "manifest.json"
-FORMAT = 1
-PACKAGES = ("gymnasium", "numpy", "opencv-python-headless", "pybullet", "scipy")
+FORMAT = 2
+PACKAGES = ("gymnasium", "numba", "numpy", "opencv-python-headless", "pybullet", "scipy")
 """Installed packages that can move a result."""
 
 MUST_AGREE = ("format", "suite", "fieldgym", "source", "packages")
@@ -50,7 +51,8 @@ def source_digest() -> str:
     digest = hashlib.sha256()
     rooms = ("mechanisms", "motion", "simulation", "perception", "envs", "agents", "assets")
     files = [path for room in rooms for path in (root / room).rglob("*") if path.is_file()]
-    for path in sorted([*files, root / "benchmark" / "episode.py"]):
+    own = [root / "benchmark" / f"{name}.py" for name in ("episode", "limits", "record", "report/timeline")]
+    for path in sorted([*files, *own]):
         if "__pycache__" not in path.parts:
             digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()[:16]
@@ -67,14 +69,15 @@ class Results:
     """The results of one suite in one folder.
 
     Attributes:
-        folder: holds ``episodes.jsonl``, ``manifest.json`` and the summaries.
-        records: what is finished; failed episodes of an earlier run are left out, so that they run again.
+        folder: holds ``episodes.jsonl``, ``bounds.jsonl``, ``manifest.json`` and the summaries.
+        records: the episodes that are finished; failed ones of an earlier run are left out, so that they run again.
+        bounds: the bounds that are finished.
     """
 
     def __init__(self, folder: Path, manifest_now: dict[str, Any], resume: bool):
-        """Open a folder to add episodes to it.
+        """Open a folder to add episodes and bounds to it.
 
-        Without ``resume``, episodes that lie there are kept as ``episodes.previous.jsonl``.
+        Without ``resume``, what lies there is kept as ``episodes.previous.jsonl`` and ``bounds.previous.jsonl``.
 
         Raises:
             ResultsError: the folder cannot be written, or its results come from another version, suite or state of
@@ -82,25 +85,35 @@ class Results:
         """
         self.folder = folder
         self.records: list[Record] = []
+        self.bounds: list[Record] = []
+        self._files: dict[str, int] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            path = folder / EPISODES
-            if path.exists() and path.stat().st_size > 0:
+            there = [name for name in (EPISODES, BOUNDS) if _filled(folder / name)]
+            if there and resume:
+                self._check_manifest(manifest_now)
+            for name in there:
+                path = folder / name
                 if resume:
-                    self._check_manifest(manifest_now)
-                    self.records = [record for record in read(path) if "error" not in record]
-                    write_atomically(path, "".join(json.dumps(record) + "\n" for record in self.records))
+                    kept = self._list(name)
+                    kept += [record for record in read(path) if "error" not in record]
+                    write_atomically(path, "".join(json.dumps(record) + "\n" for record in kept))
                 else:
-                    os.replace(path, folder / "episodes.previous.jsonl")
-                    for summary in folder.glob("summary.*"):
-                        summary.unlink()
+                    os.replace(path, path.with_suffix(".previous.jsonl"))
+            if there and not resume:
+                for summary in folder.glob("summary.*"):
+                    summary.unlink()
             write_atomically(folder / MANIFEST, json.dumps(manifest_now, indent=2) + "\n")
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+            for name in (EPISODES, BOUNDS):
+                self._files[name] = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
         except OSError as error:
             reason = error.strerror or str(error)
             raise ResultsError(
                 f"cannot write results to {folder} ({reason}): choose another folder with --out"
             ) from error
+
+    def _list(self, name: str) -> list[Record]:
+        return self.bounds if name == BOUNDS else self.records
 
     def _check_manifest(self, now: dict[str, Any]) -> None:
         path = self.folder / MANIFEST
@@ -116,28 +129,33 @@ class Results:
                 raise ResultsError(f"cannot resume: these results have {what} {old}, now it is {new}; {fresh}")
 
     def finished(self, episodes: Iterable[Episode]) -> set[Episode]:
-        """Those of ``episodes`` that have a result here."""
-        done = {key(record) for record in self.records}
+        """Those of ``episodes``, bounds among them, that have a result here."""
+        done = {key(record) for record in (*self.records, *self.bounds) if "error" not in record}
         return {episode for episode in episodes if key(identity(episode)) in done}
 
     def append(self, record: Record) -> None:
         """Add one record; when this returns, it is on the disk."""
+        name = BOUNDS if record["policy"] == BOUND else EPISODES
         line = (json.dumps(record, allow_nan=False) + "\n").encode()
         try:
             while line:
-                line = line[os.write(self._file, line) :]  # a disk that runs full takes a part without an error
-            os.fsync(self._file)
+                # A disk that runs full takes a part without an error.
+                line = line[os.write(self._files[name], line) :]
+            os.fsync(self._files[name])
         except OSError as error:
             raise ResultsError(
-                f"cannot write {self.folder / EPISODES} ({error.strerror}): finished episodes stay"
+                f"cannot write {self.folder / name} ({error.strerror}): finished episodes stay"
             ) from error
-        self.records.append(record)
+        self._list(name).append(record)
 
     def close(self) -> None:
-        """Close the file; further calls do nothing."""
-        if self._file >= 0:
-            os.close(self._file)
-            self._file = -1
+        """Close the files; further calls do nothing."""
+        while self._files:
+            os.close(self._files.popitem()[1])
+
+
+def _filled(path: Path) -> bool:
+    return path.exists() and path.stat().st_size > 0
 
 
 def _differing(before: Any, now: Any) -> tuple[str, str]:
@@ -147,16 +165,6 @@ def _differing(before: Any, now: Any) -> tuple[str, str]:
         old, new = (", ".join(f"{name} {side.get(name)}" for name in names) for side in (before, now))
         return old, new
     return str(before), str(now)
-
-
-def key(record: Record) -> tuple[Any, ...]:
-    """What a record and an episode have in common when they are the same."""
-    return tuple(record[name] for name in ("env_id", "scenario", "backend", "perception", "policy", "seed"))
-
-
-def condition(record: Record) -> Condition:
-    """The condition under which a record was made."""
-    return Condition(record["env_id"], record["scenario"], record["backend"], record["perception"])
 
 
 def read(path: Path) -> list[Record]:
@@ -175,6 +183,19 @@ def read(path: Path) -> list[Record]:
             raise ResultsError(f"{path}, line {number} is damaged: delete that line and go on with --resume") from None
         records.append(record)
     return records
+
+
+def load(folder: Path) -> list[Record]:
+    """The finished episodes in a folder, each with its instance's ``bound`` where there is one.
+
+    Raises:
+        ResultsError: a line is damaged.
+        OSError: the folder holds no episodes.
+    """
+    records = [record for record in read(folder / EPISODES) if "error" not in record]
+    bounds = read(folder / BOUNDS) if (folder / BOUNDS).exists() else []
+    found = {(condition(record), record["seed"]): record["bound"] for record in bounds if "error" not in record}
+    return [{**record, "bound": found.get((condition(record), record["seed"]))} for record in records]
 
 
 def write_atomically(path: Path, text: str) -> None:

@@ -1,4 +1,4 @@
-"""From episodes to tables: a row a policy and condition, on the terminal and as CSV, Markdown and JSON."""
+"""Rows as tables: on the terminal and as CSV, Markdown and JSON."""
 
 from __future__ import annotations
 
@@ -11,100 +11,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from .episode import Record
-from .statistics import FEWEST_PAIRS, Difference, Estimate, interquartile_mean, mean, paired_difference
-from .store import condition, write_atomically
-from .suites import Case, Condition
+from .statistics import FEWEST_PAIRS, Difference, Estimate
+from .store import write_atomically
+from .suites import BOUND, Condition
+from .summary import Row, summarise
+from .thinking import CHARGED
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-COMPARED = ("net_rate", "cycle_time_s")
-"""Scores whose paired difference to the reference policy is shown."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """One policy under one condition.
-
-    Attributes:
-        condition: what held.
-        policy: its name.
-        reference: the policy of the differences.
-        episodes: how many finished.
-        scores: mean of every scorecard entry, of ``return`` and of ``decision_ms``, with intervals.
-        net_rate_iqm: interquartile mean of the net rate.
-        differences: of ``COMPARED`` to the reference on the same seeds; empty for the reference and without it.
-    """
-
-    condition: Condition
-    policy: str
-    reference: str
-    episodes: int
-    scores: Mapping[str, Estimate]
-    net_rate_iqm: Estimate
-    differences: Mapping[str, Difference]
-
-
-def summarise(records: Iterable[Record], cases: Sequence[Case]) -> list[Row]:
-    """Rows for all ``records`` without an error, in the order of ``cases``; policies beyond them follow by name."""
-    groups: dict[Condition, dict[str, dict[int, dict[str, float]]]] = {}
-    for record in records:
-        if "error" not in record:
-            policies = groups.setdefault(condition(record), {})
-            policies.setdefault(record["policy"], {})[record["seed"]] = _values(record)
-    order = {case.condition: case for case in cases}
-    references = {case.condition.env_id: case.reference for case in cases}
-    rows = []
-    for group in sorted(groups, key=lambda item: (_place(item, list(order)), str(item))):
-        wanted = list(order[group].policies) if group in order else []
-        reference = references.get(group.env_id, "")
-        for policy in sorted(groups[group], key=lambda name: (_place(name, wanted), name)):
-            rows.append(_row(group, policy, reference, groups[group]))
-    return rows
-
-
-def _place(item: Any, order: Sequence[Any]) -> int:
-    return order.index(item) if item in order else len(order)
-
-
-def _values(record: Record) -> dict[str, float]:
-    """All numbers of an episode under one name each; None becomes NaN."""
-    values = {name: np.nan if value is None else float(value) for name, value in record["scorecard"].items()}
-    if values.get("done") == 0.0:
-        values["cycle_time_s"] = np.nan  # without a finished target there is no cycle
-    values["return"] = np.nan if record["return"] is None else float(record["return"])
-    done = values.get("done", np.nan)
-    for name in [name for name in values if name.startswith("phase_")]:
-        values[name.removesuffix("_s") + "_s_each"] = values[name] / done if done > 0.0 else np.nan
-    values["decision_ms"] = 1000.0 * record["decision_s"] / max(record["steps"], 1)
-    values["wall_s"] = float(record["wall_s"])
-    return values
-
-
-def _row(group: Condition, policy: str, reference: str, policies: dict[str, dict[int, dict[str, float]]]) -> Row:
-    own, other = policies[policy], policies.get(reference, {})
-    names = list(dict.fromkeys(name for values in own.values() for name in values))
-    shared = sorted(own.keys() & other.keys()) if policy != reference else []
-    differences = {
-        name: paired_difference(
-            [own[seed].get(name, np.nan) for seed in shared], [other[seed].get(name, np.nan) for seed in shared]
-        )
-        for name in COMPARED
-        if shared
-    }
-    columns = {name: [values.get(name, np.nan) for values in own.values()] for name in names}
-    return Row(
-        condition=group,
-        policy=policy,
-        reference=reference,
-        episodes=len(own),
-        scores={name: mean(column) for name, column in columns.items()},
-        net_rate_iqm=interquartile_mean(columns.get("net_rate", [])),
-        differences=differences,
-    )
+__all__ = ["Row", "summarise", "write"]
 
 
 @dataclass(frozen=True)
@@ -116,28 +32,30 @@ class Column:
         name: the score.
         scale: factor from the score's unit to the shown one.
         digits: decimals.
-        difference: show the paired difference to the reference instead of the score.
-        wide: leave the column out on a narrow terminal.
+        kind: ``"mean"``, ``"iqm"`` (interquartile mean), ``"difference"`` (paired, to the reference) or ``"gap"``
+            (paired, to the bound).
+        width: characters from which a terminal shows the column.
     """
 
     title: str
     name: str
     scale: float
     digits: int
-    difference: bool = False
-    wide: bool = False
+    kind: str = "mean"
+    width: int = 0
 
     def cell(self, row: Row) -> tuple[str, str]:
         """The value and its interval as text; the interval of a difference that may be none says so."""
-        estimate = (row.differences if self.difference else row.scores).get(self.name)
+        parts = {"mean": row.scores, "iqm": row.iqm, "difference": row.differences, "gap": row.gaps}
+        estimate: Estimate | None = parts[self.kind].get(self.name)
         if estimate is None or not math.isfinite(estimate.value):
             return "-", ""
-        value = self._text(estimate.value, "+" if self.difference else "")
+        value = self._text(estimate.value, "+" if self.kind == "difference" else "")
         if not math.isfinite(estimate.low):
             return value, ""
         interval = f"{self._text(estimate.low)} .. {self._text(estimate.high)}"
         doubt = ""
-        if isinstance(estimate, Difference) and not estimate.significant:
+        if self.kind == "difference" and isinstance(estimate, Difference) and not estimate.significant:
             doubt = " few" if estimate.n < FEWEST_PAIRS else " n.s."
         return value, interval + doubt
 
@@ -146,20 +64,58 @@ class Column:
         return f"{rounded:{sign}.{self.digits}f}"
 
 
+WIDE = 110
+WIDEST = 150
+"""Characters from which a terminal shows more columns, and all of ``COLUMNS``."""
+
 COLUMNS = (
     Column("net rate, %", "net_rate", 100.0, 2),
     Column("cycle time, s", "cycle_time_s", 1.0, 2),
-    Column("difference, points", "net_rate", 100.0, 2, difference=True),
-    Column("difference, s", "cycle_time_s", 1.0, 2, difference=True),
-    Column("return", "return", 1.0, 3, wide=True),
-    Column("ms a decision", "decision_ms", 1.0, 2, wide=True),
+    Column("difference, points", "net_rate", 100.0, 2, "difference"),
+    Column("difference, s", "cycle_time_s", 1.0, 2, "difference"),
+    Column("return", "return", 1.0, 3, width=WIDE),
+    Column("gap to bound, points", "net_rate", 100.0, 2, "gap", width=WIDEST),
+    Column("ms a decision", "decision_ms", 1.0, 2, width=WIDE),
 )
-WIDE = 110
-"""Characters from which a terminal shows all columns."""
+
+_SCORES = (
+    ("net rate, %", "net_rate", 100.0, 2),
+    ("cycle time, s", "cycle_time_s", 1.0, 2),
+    ("per minute", "throughput_per_min", 1.0, 2),
+    ("damaged", "damaged", 1.0, 2),
+    ("return", "return", 1.0, 3),
+)
+
+MARKDOWN: tuple[tuple[str, tuple[Column, ...]], ...] = (
+    (
+        "Mean",
+        (
+            *(Column(*score) for score in _SCORES),
+            Column("ms a decision", "decision_ms", 1.0, 2),
+            Column("ms, 95th percentile", "decision_p95_ms", 1.0, 2),
+        ),
+    ),
+    ("Difference to the policy in bold", tuple(Column(*score, "difference") for score in _SCORES)),
+    ("Interquartile mean", tuple(Column(*score, "iqm") for score in _SCORES)),
+    (
+        "Gap to the bound",
+        (
+            Column("net rate, points", "net_rate", 100.0, 2, "gap"),
+            Column("return", "return", 1.0, 3, "gap"),
+            Column("cycle time at its own net rate, s", "cycle_time_s", 1.0, 2, "gap"),
+        ),
+    ),
+)
+
+CSV_COLUMNS = (
+    *("env_id", "scenario", "backend", "perception", "policy", "reference"),
+    *("score", "value", "low", "high", "n", "charged"),
+)
 
 LEGEND = (
     "Means over episodes with 95 % bootstrap intervals. Differences are to the policy in bold, paired by seed; "
-    f"n.s.: the interval holds 0; few: under {FEWEST_PAIRS} pairs, too few to tell."
+    f"n.s.: the interval holds 0; few: under {FEWEST_PAIRS} pairs, too few to tell. "
+    f"The row {BOUND}: what no policy can beat, its figures need not be reachable together."
 )
 
 
@@ -177,10 +133,12 @@ def terminal_tables(rows: Iterable[Row], width: int) -> list[Table]:
     from rich.table import Table
     from rich.text import Text
 
-    columns = [column for column in COLUMNS if width >= WIDE or not column.wide]
+    rows = list(rows)
+    bounded = any(row.gaps for row in rows)
+    columns = [column for column in COLUMNS if width >= column.width and (bounded or column.kind != "gap")]
     tables = []
     for group, members in conditions(rows).items():
-        table = Table(title=f"{group} ({_episodes(members)})", title_justify="left", box=box.SIMPLE_HEAD)
+        table = Table(title=_title(group, members), title_justify="left", box=box.SIMPLE_HEAD)
         table.add_column("policy", no_wrap=True)
         for column in columns:
             table.add_column(column.title, justify="right")
@@ -192,28 +150,76 @@ def terminal_tables(rows: Iterable[Row], width: int) -> list[Table]:
     return tables
 
 
+def _title(group: Condition, rows: Sequence[Row]) -> str:
+    charged = f"; {CHARGED}" if any(row.charged for row in rows) else ""
+    return f"{group} ({_episodes([row for row in rows if row.policy != BOUND])}{charged})"
+
+
 def _episodes(rows: Sequence[Row]) -> str:
     counts = sorted({row.episodes for row in rows})
     return f"{counts[0]} episodes" if len(counts) == 1 else f"{counts[0]} to {counts[-1]} episodes"
 
 
 def markdown(rows: Iterable[Row]) -> str:
-    """The same tables as Markdown."""
+    """The same figures as Markdown, and those that a terminal has no room for."""
+    rows = list(rows)
     parts = []
     for group, members in conditions(rows).items():
-        lines = [
-            f"## {group}",
-            "",
-            "| policy | episodes | " + " | ".join(column.title for column in COLUMNS) + " |",
-            "|---" * (len(COLUMNS) + 2) + "|",
-        ]
-        for row in members:
-            texts = [column.cell(row) for column in COLUMNS]
-            cells = [f"{value} ({interval})" if interval else value for value, interval in texts]
-            name = f"**{row.policy}**" if row.policy == row.reference else row.policy
-            lines.append(f"| {name} | {row.episodes} | " + " | ".join(cells) + " |")
-        parts.append("\n".join([*lines, "", LEGEND, "", *_phases(members), ""]))
-    return "\n".join(parts)
+        lines = [f"## {_title(group, members)}", ""]
+        for title, columns in MARKDOWN:
+            shown = [row for row in members if any(column.cell(row)[0] != "-" for column in columns)]
+            if shown:
+                lines += [*_grid(title, columns, shown), ""]
+        policies = [row for row in members if row.policy != BOUND]
+        parts.append("\n".join([*lines, LEGEND, "", *_phases(policies), ""]))
+    return "\n".join(["\n".join(["## In short", "", *(f"- {line}" for line in verdicts(rows)), ""]), *parts])
+
+
+def _grid(title: str, columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
+    """Lines of one Markdown table."""
+    lines = [
+        f"| {title} | episodes | " + " | ".join(column.title for column in columns) + " |",
+        "|---" * (len(columns) + 2) + "|",
+    ]
+    for row in rows:
+        texts = [column.cell(row) for column in columns]
+        cells = [f"{value} ({interval})" if interval else value for value, interval in texts]
+        name = f"**{row.policy}**" if row.policy == row.reference else row.policy
+        lines.append(f"| {name} | {row.episodes} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def verdicts(rows: Iterable[Row]) -> list[str]:
+    """A line a condition and question: how far the best policy is from the bound, and what learning brought."""
+    lines = []
+    for group, members in conditions(rows).items():
+        policies = [row for row in members if row.policy != BOUND]
+        for name, what, scale, digits in (("net_rate", "net rate", 100.0, 2), ("return", "return", 1.0, 3)):
+            there = [row for row in policies if name in row.scores and math.isfinite(row.scores[name].value)]
+            if not there:
+                continue
+            best = max(there, key=lambda row: row.scores[name].value)
+            own = f"{scale * best.scores[name].value:.{digits}f}{' %' if scale > 1.0 else ''}"
+            if name in best.gaps and math.isfinite(best.gaps[name].value):
+                gap = f"gap to the bound {_interval(best.gaps[name], scale, digits)}{' points' if scale > 1.0 else ''}"
+            else:
+                gap = "no bound known"
+            lines.append(f"{group}: best {what} {own} by {best.policy}, {gap}")
+        for row in policies:
+            told = {rule: item for rule, item in row.over_rules.items() if math.isfinite(item.low)}
+            if told:
+                hardest = min(told, key=lambda rule: told[rule].low)
+                least = told[hardest]
+                better = "better" if least.significant and least.low > 0.0 else "not better"
+                versus = f"least over {hardest}: {_interval(least, 1.0, 3, '+')}"
+                lines.append(f"{group}: {row.policy} is {better} than every rule in return; {versus}")
+    return lines
+
+
+def _interval(estimate: Estimate, scale: float, digits: int, sign: str = "") -> str:
+    value, low, high = (scale * number for number in (estimate.value, estimate.low, estimate.high))
+    interval = f" [{low:.{digits}f}, {high:.{digits}f}]" if math.isfinite(low) else ""
+    return f"{value:{sign}.{digits}f}{interval}"
 
 
 def _phases(rows: Sequence[Row]) -> list[str]:
@@ -230,29 +236,36 @@ def _phases(rows: Sequence[Row]) -> list[str]:
 
 
 def comma_separated(rows: Iterable[Row]) -> str:
-    """One line a condition, policy and score; paired differences are the scores called ``<score>_minus_reference``."""
+    """One line a condition, policy and score.
+
+    Interquartile means are the scores called ``<score>_iqm``, paired differences ``<score>_minus_reference``, gaps to
+    the bound ``<score>_gap``, a learned policy's differences to rules ``return_minus_<rule>``. The last column is 1
+    where thinking was charged to the clocks.
+    """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(
-        ["env_id", "scenario", "backend", "perception", "policy", "reference", "score", "value", "low", "high", "n"]
-    )
+    writer.writerow(CSV_COLUMNS)
     for row in rows:
-        named = [*row.scores.items(), ("net_rate_iqm", row.net_rate_iqm)]
-        named += [(f"{name}_minus_reference", difference) for name, difference in row.differences.items()]
+        named = [*row.scores.items(), *((f"{name}_iqm", item) for name, item in row.iqm.items())]
+        named += [(f"{name}_minus_reference", item) for name, item in row.differences.items()]
+        named += [(f"{name}_gap", item) for name, item in row.gaps.items()]
+        named += [(f"return_minus_{name}", item) for name, item in row.over_rules.items()]
         group = row.condition
         whose = (group.env_id, group.scenario, group.backend, group.perception, row.policy, row.reference)
         for name, estimate in named:
-            writer.writerow([*whose, name, estimate.value, estimate.low, estimate.high, estimate.n])
+            writer.writerow([*whose, name, estimate.value, estimate.low, estimate.high, estimate.n, int(row.charged)])
     return buffer.getvalue()
 
 
 def as_json(rows: Iterable[Row]) -> str:
     """Everything in the rows, NaN as null."""
-    return json.dumps([_plain({**asdict(row), "differences": _flagged(row)}) for row in rows], indent=2) + "\n"
+    flagged = ("differences", "gaps", "over_rules")
+    plain = [_plain({**asdict(row), **{name: _flagged(getattr(row, name)) for name in flagged}}) for row in rows]
+    return json.dumps(plain, indent=2) + "\n"
 
 
-def _flagged(row: Row) -> dict[str, Any]:
-    return {name: {**asdict(item), "significant": item.significant} for name, item in row.differences.items()}
+def _flagged(items: Mapping[str, Difference]) -> dict[str, Any]:
+    return {name: {**asdict(item), "significant": item.significant} for name, item in items.items()}
 
 
 def _plain(value: Any) -> Any:
@@ -263,9 +276,10 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def write(rows: Sequence[Row], folder: Path) -> list[Path]:
+def write(rows: Sequence[Row], folder: Path, name: str = "summary") -> list[Path]:
     """Write ``summary.csv``, ``summary.md`` and ``summary.json`` into ``folder`` and return their paths."""
-    texts = {"summary.csv": comma_separated(rows), "summary.md": markdown(rows), "summary.json": as_json(rows)}
-    for name, text in texts.items():
-        write_atomically(folder / name, text)
-    return [folder / name for name in texts]
+    texts = {"csv": comma_separated(rows), "md": markdown(rows), "json": as_json(rows)}
+    paths = [folder / f"{name}.{suffix}" for suffix in texts]
+    for path, text in zip(paths, texts.values(), strict=True):
+        write_atomically(path, text)
+    return paths

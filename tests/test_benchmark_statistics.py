@@ -15,8 +15,28 @@ def test_mean_interval_is_the_one_of_scipy():
         rng=np.random.default_rng(statistics.BOOTSTRAP_SEED),
     ).confidence_interval
     result = statistics.mean(values)
-    assert result == statistics.Estimate(values.mean(), expected.low, expected.high, 40)
+    assert (result.value, result.n) == (pytest.approx(values.mean(), rel=1e-12), 40)
+    assert (result.low, result.high) == pytest.approx((expected.low, expected.high), rel=1e-12)
     assert statistics.mean(values) == result
+
+
+@pytest.mark.parametrize("n", [5, 8, 41])
+def test_interquartile_interval_is_the_one_of_scipy(n):
+    values = np.random.default_rng(n).gamma(2.0, 1.0, n)
+
+    def middle(sample, axis=-1):
+        return scipy.stats.trim_mean(sample, 0.25, axis=axis)
+
+    expected = scipy.stats.bootstrap(
+        (values,),
+        middle,
+        n_resamples=statistics.RESAMPLES,
+        method="BCa",
+        rng=np.random.default_rng(statistics.BOOTSTRAP_SEED),
+    ).confidence_interval
+    result = statistics.interquartile_mean(values)
+    assert result.value == pytest.approx(middle(values), rel=1e-12)
+    assert (result.low, result.high) == pytest.approx((expected.low, expected.high), rel=1e-12)
 
 
 def test_mean_interval_of_many_normal_values_is_the_textbook_one():

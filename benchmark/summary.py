@@ -1,0 +1,169 @@
+"""From episodes to rows: what each policy scored under each condition, with intervals, differences and gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .limits import Limit, limits
+from .record import Record, condition
+from .statistics import Difference, Estimate, interquartile_mean, mean, paired_difference
+from .suites import BOUND, Case, Condition
+
+MAIN = ("net_rate", "cycle_time_s", "throughput_per_min", "damaged", "return")
+"""Scores with an interquartile mean and a paired difference to the reference policy."""
+
+LEARNED = "learned"
+"""How the names of learned policies begin; they are compared with every rule."""
+
+Values = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One policy under one condition.
+
+    Attributes:
+        condition: what held.
+        policy: its name; ``BOUND`` for the mean of what none can beat.
+        reference: the policy of the differences.
+        episodes: how many finished.
+        scores: mean of every scorecard entry, of ``return``, ``decision_ms`` (mean of an episode's decisions) and
+            ``decision_p95_ms``, with intervals.
+        iqm: interquartile mean of ``MAIN``.
+        differences: of ``MAIN`` to the reference on the same seeds; empty for the reference and without it.
+        gaps: to the bound on the same seeds, none of them below 0: bound minus policy for ``net_rate`` and ``return``,
+            policy minus bound at its own net rate for ``cycle_time_s``. Empty where there is no bound.
+        over_rules: of a learned policy: its return minus that of every other policy, on the same seeds.
+        charged: whether thinking was added to the clocks, see ``thinking``; such figures differ from run to run.
+    """
+
+    condition: Condition
+    policy: str
+    reference: str
+    episodes: int
+    scores: Mapping[str, Estimate]
+    iqm: Mapping[str, Estimate] = field(default_factory=dict)
+    differences: Mapping[str, Difference] = field(default_factory=dict)
+    gaps: Mapping[str, Difference] = field(default_factory=dict)
+    over_rules: Mapping[str, Difference] = field(default_factory=dict)
+    charged: bool = False
+
+
+def summarise(records: Iterable[Record], cases: Sequence[Case], bounds: Iterable[Record] = ()) -> list[Row]:
+    """Rows for all ``records`` without an error, in the order of ``cases``; policies beyond them follow by name.
+
+    Args:
+        records: of episodes.
+        cases: give the order and the reference policies.
+        bounds: records of bounds; each condition that has some ends with a row of their means.
+    """
+    groups: dict[Condition, dict[str, dict[int, Values]]] = {}
+    charged: set[Condition] = set()
+    for record in records:
+        if "error" not in record:
+            policies = groups.setdefault(condition(record), {})
+            policies.setdefault(record["policy"], {})[record["seed"]] = _values(record)
+            if record.get("charged"):
+                charged.add(condition(record))
+    known: dict[Condition, dict[int, Limit]] = {}
+    for (where, seed), limit in limits(bounds).items():
+        known.setdefault(where, {})[seed] = limit
+    order = {case.condition: case for case in cases}
+    references = {case.condition.env_id: case.reference for case in cases}
+    rows = []
+    for group in sorted(groups, key=lambda item: (_place(item, list(order)), str(item))):
+        wanted = list(order[group].policies) if group in order else []
+        maker = _RowMaker(
+            group, references.get(group.env_id, ""), groups[group], known.get(group, {}), group in charged
+        )
+        rows += [maker.row(policy) for policy in sorted(groups[group], key=lambda name: (_place(name, wanted), name))]
+        if group in known:
+            rows.append(maker.bound())
+    return rows
+
+
+def _place(item: Any, order: Sequence[Any]) -> int:
+    return order.index(item) if item in order else len(order)
+
+
+def _values(record: Record) -> Values:
+    """All numbers of an episode under one name each; None becomes NaN."""
+    values = {name: np.nan if value is None else float(value) for name, value in record["scorecard"].items()}
+    if values.get("done") == 0.0:
+        values["cycle_time_s"] = np.nan  # without a finished target there is no cycle
+    values["return"] = np.nan if record["return"] is None else float(record["return"])
+    done = values.get("done", np.nan)
+    for name in [name for name in values if name.startswith("phase_")]:
+        values[name.removesuffix("_s") + "_s_each"] = values[name] / done if done > 0.0 else np.nan
+    values["decision_ms"] = 1000.0 * record["decision_s"] / max(record["steps"], 1)
+    values["decision_p95_ms"] = float(record.get("decision_p95_ms", np.nan))
+    values["wall_s"] = float(record["wall_s"])
+    return values
+
+
+@dataclass(frozen=True)
+class _RowMaker:
+    """Everything that was measured under one condition: values by policy, seed and name, and bounds by seed."""
+
+    group: Condition
+    reference: str
+    policies: Mapping[str, Mapping[int, Values]]
+    known: Mapping[int, Limit]
+    charged: bool
+
+    def row(self, policy: str) -> Row:
+        own = self.policies[policy]
+        names = list(dict.fromkeys(name for values in own.values() for name in values))
+        columns = {name: [values.get(name, np.nan) for values in own.values()] for name in names}
+        main = [name for name in MAIN if name in columns]
+        compared = self.reference in self.policies and policy != self.reference
+        rules = [name for name in self.policies if not name.startswith(LEARNED)]
+        return Row(
+            condition=self.group,
+            policy=policy,
+            reference=self.reference,
+            episodes=len(own),
+            scores={name: mean(column) for name, column in columns.items()},
+            iqm={name: interquartile_mean(columns[name]) for name in main},
+            differences={name: self._difference(policy, self.reference, name) for name in main if compared},
+            gaps=self._gaps(own),
+            over_rules={name: self._difference(policy, name, "return") for name in rules}
+            if policy.startswith(LEARNED)
+            else {},
+            charged=self.charged,
+        )
+
+    def bound(self) -> Row:
+        """Means of the bounds; cycle times are bounded at a policy's own net rate only, so there is none here."""
+        columns = {
+            "net_rate": [limit.net_rate for limit in self.known.values()],
+            "return": [limit.episode_return for limit in self.known.values()],
+        }
+        scores = {name: mean([np.nan if x is None else x for x in column]) for name, column in columns.items()}
+        return Row(self.group, BOUND, self.reference, len(self.known), scores, charged=self.charged)
+
+    def _difference(self, policy: str, other: str, name: str) -> Difference:
+        own, theirs = self.policies[policy], self.policies[other]
+        shared = sorted(own.keys() & theirs.keys())
+        return paired_difference(
+            [own[seed].get(name, np.nan) for seed in shared], [theirs[seed].get(name, np.nan) for seed in shared]
+        )
+
+    def _gaps(self, own: Mapping[int, Values]) -> dict[str, Difference]:
+        shared = [(own[seed], self.known[seed]) for seed in sorted(own.keys() & self.known.keys())]
+        if not shared:
+            return {}
+        net_rate = [values.get("net_rate", np.nan) for values, _ in shared]
+        cycle_s = [values.get("cycle_time_s", np.nan) for values, _ in shared]
+        shortest_s = [limit.cycle_time_s(rate) for rate, (_, limit) in zip(net_rate, shared, strict=True)]
+        most = [np.nan if limit.net_rate is None else limit.net_rate for _, limit in shared]
+        best = [np.nan if limit.episode_return is None else limit.episode_return for _, limit in shared]
+        return {
+            "net_rate": paired_difference(most, net_rate),
+            "cycle_time_s": paired_difference(cycle_s, shortest_s),
+            "return": paired_difference(best, [values["return"] for values, _ in shared]),
+        }

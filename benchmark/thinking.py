@@ -1,0 +1,39 @@
+"""Thinking that counts: a policy's measured time added to what its decisions took.
+
+What is simulated: nothing. A finished episode's clocks are put forward by the seconds for which its policy thought.
+
+- ``duration_s`` grows by all of its thinking, ``cycle_time_s`` by its share of the thinking up to the last finished
+  target; rates a minute fall with the duration; a phase ``phase_think_s`` holds the thinking.
+- The world does not move meanwhile. For machines that stop for their work (picker, transplanter) that is what would
+  happen, but for the time limit, which is not moved, and the seconds in the return, which are not charged. On a belt or
+  on a cart that drives on, targets would also have come nearer, or left, while the policy thought: that is not
+  simulated, so net rate and return are those of a policy that thinks in no time, and the charged cycle time is the
+  least that thinking costs.
+
+Thinking is measured on the machine that runs the benchmark, beside whatever else runs there: charged results differ
+from run to run. They are marked, and are never compared as if they repeated.
+"""
+
+from __future__ import annotations
+
+from .record import Record
+
+CHARGED = "thinking charged, differs from run to run"
+"""Said wherever such results are shown."""
+
+
+def charged(record: Record) -> Record:
+    """A copy of an episode's record with its thinking charged; bounds and failures stay as they are."""
+    if "scorecard" not in record or record.get("charged"):
+        return record
+    card = dict(record["scorecard"])
+    thought_s, until_s, last_s = record["decision_s"], record["decision_before_last_s"], record["last_s"]
+    if card.get("cycle_time_s") is not None and last_s > 0.0:
+        card["cycle_time_s"] *= 1.0 + until_s / last_s
+    duration_s = card.get("duration_s")
+    if duration_s:
+        card["duration_s"] = duration_s + thought_s
+        for name in [name for name in card if name.endswith("_per_min") and card[name] is not None]:
+            card[name] *= duration_s / (duration_s + thought_s)
+    card["phase_think_s"] = thought_s
+    return {**record, "scorecard": card, "charged": True}
