@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from .rosettes import blade_foot, broad_bodies, part, slenderness
 
 Array = NDArray[np.float64]
 
@@ -19,24 +21,35 @@ class WeedDetectorSettings:
     Attributes:
         green: normalised excess green (2g - r - b over r + g + b) from which a pixel counts as plant.
         close_m: gaps up to this width are closed: thin grass breaks up.
-        smallest_m2: blobs below are dirt.
+        smallest_m2: plants below are dirt, or crumbs of other plants.
+        rim_m: what lies within this distance of a broad leaf belongs to it.
         row_half_m: crop plants stand within this distance of the row's middle.
-        crop_m2: blobs in the row from this area on are crop plants.
+        crop_m2: plants in the row from this area on are crop plants.
+        crop_leaf_m: half the width that only the leaves of crop plants have.
         leaf_m2: (broadleaf, grass) pairs of areas that part cotyledon, two-leaf and four-leaf.
-        slender: share of the smallest enclosing circle that a blob fills, below which it is a grass.
+        slender: share of the smallest enclosing circle that a plant fills, below which it is a grass.
+        whole: whether plants at the first and last row of the picture are left out.
+        stem_m: (broadleaf, grass) heights at which the leaves of the three stages leave the stem.
     """
 
-    green: float = 0.10
+    green: float = 0.14
     close_m: float = 0.0021
-    smallest_m2: float = 1.2e-5
+    smallest_m2: float = 1.5e-5
+    rim_m: float = 0.004
     row_half_m: float = 0.05
-    crop_m2: float = 1.3e-3
-    leaf_m2: tuple[tuple[float, float], tuple[float, float]] = ((1.5e-4, 6.0e-4), (6.0e-5, 2.0e-4))
-    slender: float = 0.30
+    crop_m2: float = 2.2e-3
+    crop_leaf_m: float = 0.0085
+    leaf_m2: tuple[tuple[float, float], tuple[float, float]] = ((1.6e-4, 6.0e-4), (1.0e-4, 4.5e-4))
+    slender: float = 0.20
+    whole: bool = True
+    stem_m: tuple[tuple[float, float, float], tuple[float, float, float]] = (
+        (0.006, 0.009, 0.011),
+        (0.006, 0.006, 0.006),
+    )
 
 
 class Seedlings(NamedTuple):
-    """Blobs of one picture, n of them.
+    """Plants of one picture, n of them.
 
     Attributes:
         position: (n, 2), world metres.
@@ -45,6 +58,7 @@ class Seedlings(NamedTuple):
         stage: (n,), 0 cotyledon, 1 two-leaf, 2 four-leaf.
         crop: (n,), taken for a crop plant.
         box: (n, 4), left, top, width, height in pixels.
+        fill: (n,), share of the smallest enclosing circle that the plant covers.
     """
 
     position: Array
@@ -53,6 +67,7 @@ class Seedlings(NamedTuple):
     stage: NDArray[np.int64]
     crop: NDArray[np.bool_]
     box: NDArray[np.int64]
+    fill: Array
 
 
 def plant_mask(rgb: NDArray[np.uint8], green: float, close_px: int) -> NDArray[np.uint8]:
@@ -61,114 +76,161 @@ def plant_mask(rgb: NDArray[np.uint8], green: float, close_px: int) -> NDArray[n
     index = (2.0 * g - r - b) / np.maximum(r + g + b, 30.0)
     mask = (cv2.GaussianBlur(index, (3, 3), 0.0) > green).astype(np.uint8) * 255
     if close_px > 1:
-        mask = cv2.morphologyEx(
-            mask, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (close_px, close_px))
-        )
+        mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, _disc(close_px))
     return np.asarray(mask, np.uint8)
+
+
+def _disc(width_px: int) -> NDArray[np.uint8]:
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width_px, width_px)), np.uint8)
 
 
 def detect_seedlings(
     rgb: NDArray[np.uint8],
     intrinsics: Array,
     world_from_camera: Array,
-    height_m: float,
     row_across_m: float = 0.0,
     settings: WeedDetectorSettings | None = None,
 ) -> Seedlings:
-    """Segment a picture from above and say what stands where.
+    """Segment a picture from above, part plants that touch, and say what stands where.
 
     Args:
         rgb: (h, w, 3), uint8.
         intrinsics: (3, 3), pixels.
         world_from_camera: (4, 4), OpenCV axes.
-        height_m: height of the plane that the plants are taken to lie in.
         row_across_m: where the crop row runs.
         settings: thresholds.
     """
     chosen = settings or WeedDetectorSettings()
-    pixel_m = abs(world_from_camera[2, 3] - height_m) / intrinsics[0, 0]
+    pixel_m = world_from_camera[2, 3] / intrinsics[0, 0]
     close = max(1, round(chosen.close_m / pixel_m) // 2 * 2 + 1)
     mask = plant_mask(rgb, chosen.green, close)
-    count, labels, stats, centres = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    # What the picture's first or last row cuts off is whole in another picture.
-    top, bottom = stats[:, cv2.CC_STAT_TOP], stats[:, cv2.CC_STAT_TOP] + stats[:, cv2.CC_STAT_HEIGHT]
-    whole = (top > 0) & (bottom < len(rgb)) & (stats[:, cv2.CC_STAT_AREA] * pixel_m**2 >= chosen.smallest_m2)
-    rows = [i for i in range(1, count) if whole[i]]
-    area = stats[rows, cv2.CC_STAT_AREA] * pixel_m**2
-    box = stats[rows, :4].astype(np.int64)
-    fill = np.array([_fill(labels, i, stats[i]) for i in rows])
-    species = (fill < chosen.slender).astype(np.int64)
-    limits = np.array(chosen.leaf_m2)[species] if len(rows) else np.zeros((0, 2))
-    stage = (area[:, None] > limits).sum(axis=1)
-    position = on_plane(np.asarray(centres[rows], np.float64), intrinsics, world_from_camera, height_m)
+    smallest = max(int(chosen.smallest_m2 / pixel_m**2), 4)
+    stems, areas, fills, boxes = [], [], [], []
+
+    def add(stem: Array, pixels: NDArray[np.int64], fill: float) -> None:
+        low, high = pixels.min(axis=0), pixels.max(axis=0)
+        # What the picture's first or last row cuts off is whole in another picture.
+        if chosen.whole and (low[0] <= 0 or high[0] >= len(rgb) - 1):
+            return
+        stems.append(stem[::-1])
+        areas.append(len(pixels))
+        fills.append(fill)
+        boxes.append((low[1], low[0], high[1] - low[1] + 1, high[0] - low[0] + 1))
+
+    for pixels in broad_bodies(mask, chosen.crop_leaf_m / pixel_m, int(0.5 * chosen.crop_m2 / pixel_m**2)):
+        add(pixels.mean(axis=0), pixels, 1.0)
+        body = np.zeros_like(mask)
+        body[pixels[:, 0], pixels[:, 1]] = 1
+        mask[cv2.dilate(body, _disc(2 * round(chosen.rim_m / pixel_m) + 1)) > 0] = 0
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    for i in range(1, count):
+        x, y, w, h, size = (int(v) for v in stats[i])
+        if size < smallest:
+            continue
+        # A free pixel all around: lines of sight may run beside a plant.
+        blob = np.zeros((h + 2, w + 2), np.uint8)
+        blob[1:-1, 1:-1] = labels[y : y + h, x : x + w] == i
+        for plant in part(blob, smallest):
+            fill = slenderness(plant.pixels)
+            one_blade = fill < chosen.slender and len(plant.pixels) * pixel_m**2 < chosen.leaf_m2[1][0]
+            stem = blade_foot(plant) if one_blade else plant.stem
+            corner = np.array([y - 1, x - 1])
+            add(stem + corner, plant.pixels + corner, fill)
+    area = np.array(areas, float) * pixel_m**2
+    species = (np.array(fills, float) < chosen.slender).astype(np.int64)
+    stage = (area[:, None] > np.array(chosen.leaf_m2)[species]).sum(axis=1)
+    height = np.array(chosen.stem_m)[species, stage]
+    position = on_plane(np.array(stems, float).reshape(-1, 2), intrinsics, world_from_camera, height)
     crop = (area >= chosen.crop_m2) & (np.abs(position[:, 1] - row_across_m) <= chosen.row_half_m)
-    return Seedlings(position, area, species, stage, crop, box)
+    return Seedlings(position, area, species, stage, crop, np.array(boxes, np.int64).reshape(-1, 4), np.array(fills))
 
 
-def on_plane(pixels: Array, intrinsics: Array, world_from_camera: Array, height_m: float) -> Array:
-    """World places (n, 2) where the rays of pixels (n, 2) meet a horizontal plane."""
+def on_plane(pixels: Array, intrinsics: Array, world_from_camera: Array, height_m: Array | float) -> Array:
+    """World places (n, 2) where the rays of pixels (n, 2) meet horizontal planes at heights (n,) or one height."""
     rays = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(intrinsics).T @ world_from_camera[:3, :3].T
     eye = world_from_camera[:3, 3]
     return eye[:2] + rays[:, :2] * ((height_m - eye[2]) / rays[:, 2])[:, None]
 
 
-def _fill(labels: NDArray[Any], label: int, stat: NDArray[Any]) -> float:
-    x, y, w, h = (int(v) for v in stat[:4])
-    part = (labels[y : y + h, x : x + w] == label).astype(np.uint8)
-    points = cv2.findNonZero(part)
-    _, radius = cv2.minEnclosingCircle(points)
-    return float(stat[cv2.CC_STAT_AREA]) / (np.pi * (radius + 0.5) ** 2)
-
-
 @dataclass
 class Track:
-    """A plant followed over pictures; places are in the world of the odometry."""
+    """A plant followed over pictures; places are in the world of the odometry.
 
-    place: Array
-    hits: int
+    Attributes:
+        places: where the pictures that showed it saw it.
+        first_m: cart position of the first of them.
+        last_m: cart position of the last of them.
+        looks: pictures in whose middle it lay, whether they showed it or not.
+        confirmed_m: cart position at which enough pictures had shown it.
+        votes: (2, 3), pictures by species and stage.
+        crop_votes: pictures that took it for a crop plant.
+        treated: whether the tool has been sent to it.
+    """
+
+    places: list[Array]
     first_m: float
     last_m: float
+    looks: int = 0
     confirmed_m: float = np.inf
     votes: Array = field(default_factory=lambda: np.zeros((2, 3)))
     crop_votes: int = 0
     treated: bool = False
 
     @property
+    def place(self) -> Array:
+        """Median place (2,): a picture in which it was joined with a neighbour does not count for much."""
+        return np.median(np.array(self.places), axis=0)
+
+    @property
     def is_crop(self) -> bool:
         """Whether most pictures took it for a crop plant."""
-        return 2 * self.crop_votes > self.hits
+        return 2 * self.crop_votes > len(self.places)
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether most pictures that should have shown it did not."""
+        return 2 * len(self.places) < self.looks
 
 
 class WeedTracker:
-    """Joins the blobs of successive pictures: nearest neighbour within a gate, confirmed after enough hits."""
+    """Joins the plants of successive pictures: nearest pairs within a gate, confirmed after enough hits."""
 
     def __init__(self, gate_m: float = 0.012, hits: int = 2):
         """Set the gate and the number of pictures that confirm a track."""
         self.gate_m, self.hits = gate_m, hits
         self.tracks: list[Track] = []
 
-    def update(self, seedlings: Seedlings, cart_m: float) -> None:
-        """Take the blobs of the picture that was taken at a cart position."""
+    def update(self, seedlings: Seedlings, cart_m: float, view_m: tuple[float, float]) -> None:
+        """Take the plants of the picture that was taken at a cart position.
+
+        Args:
+            seedlings: plants, in the world of the odometry.
+            cart_m: position of the cart.
+            view_m: plants between these places along would be in the picture as a whole.
+        """
+        low, high = view_m
         recent = [t for t in self.tracks if cart_m - t.last_m < 0.45]
         places = np.array([t.place for t in recent]).reshape(-1, 2)
+        for track, place in zip(recent, places, strict=True):
+            track.looks += bool(low <= place[0] <= high)
+        gap = np.hypot(*(seedlings.position[:, None] - places[None]).transpose(2, 0, 1))
+        pairs: dict[int, Track] = {}
         taken: set[int] = set()
-        for i in np.argsort(-seedlings.area_m2, kind="stable").tolist():
-            track = None
-            if len(places):
-                gap = np.hypot(*(places - seedlings.position[i]).T)
-                for j in np.argsort(gap)[:3].tolist():
-                    if gap[j] <= self.gate_m and j not in taken:
-                        track = recent[j]
-                        taken.add(j)
-                        break
+        for flat in np.argsort(gap, axis=None, kind="stable").tolist():
+            i, j = divmod(flat, max(len(recent), 1))
+            if gap[i, j] > self.gate_m:
+                break
+            if i not in pairs and j not in taken:
+                pairs[i] = recent[j]
+                taken.add(j)
+        for i in range(len(seedlings.position)):
+            track = pairs.get(i)
             if track is None:
-                track = Track(seedlings.position[i].copy(), 0, cart_m, cart_m)
+                track = Track([], cart_m, cart_m, looks=int(low <= seedlings.position[i, 0] <= high))
                 self.tracks.append(track)
-            track.hits += 1
+            track.places.append(seedlings.position[i].copy())
             track.last_m = cart_m
-            # The mean of all pictures, the newest with a little more weight.
-            track.place = track.place + (seedlings.position[i] - track.place) / min(track.hits, 3)
             track.votes[seedlings.species[i], seedlings.stage[i]] += 1
             track.crop_votes += int(seedlings.crop[i])
-            if track.hits == self.hits:
+            if len(track.places) == self.hits:
                 track.confirmed_m = cart_m

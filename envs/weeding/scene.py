@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -39,10 +40,16 @@ _SENSOR_NOISE = 4.0
 _SHADE = 0.55
 
 
-def blade(length_m: float, width_m: float, rise_m: float, droop_m: float, pieces: int = 5) -> Mesh:
-    """Leaf along +x from the origin: an ellipse-like outline on an arched vein, seen from above."""
+def blade(
+    length_m: float, width_m: float, rise_m: float, droop_m: float, pieces: int = 5, *, grass: bool = False
+) -> Mesh:
+    """Leaf along +x from the origin on an arched vein, seen from above.
+
+    Broadleaves have an ellipse-like outline; a ``grass`` is widest at its sheath and tapers to a point.
+    """
     along = np.linspace(0.0, 1.0, pieces + 1)
-    half = 0.5 * width_m * np.sin(np.pi * np.clip(along, 0.04, 0.97)) ** 0.7
+    outline = 1.0 - along**2.5 if grass else np.sin(np.pi * np.clip(along, 0.04, 0.97)) ** 0.7
+    half = 0.5 * width_m * np.maximum(outline, 0.05)
     x = length_m * along
     z = rise_m * along - (rise_m + droop_m) * along**2 + 0.001
     left = np.stack([x, half, z + 0.15 * half], -1)
@@ -73,10 +80,10 @@ def weed_mesh(species: int, stage: int) -> Mesh:
         big = blade(0.028, 0.014, 0.012, 0.002)
         return merged(cotyledons, rosette(big, 4, 0.5 * half, 0.4, 0.010))
     if stage == 0:
-        return rosette(blade(0.024, 0.0024, 0.020, 0.002), 1, half)
+        return rosette(blade(0.024, 0.0024, 0.020, 0.002, grass=True), 1, half)
     if stage == 1:
-        return rosette(blade(0.038, 0.0032, 0.028, 0.004), 2, 0.85 * half)
-    return rosette(blade(0.060, 0.0042, 0.040, 0.010), 4, 0.55 * half)
+        return rosette(blade(0.038, 0.0032, 0.028, 0.004, grass=True), 2, 0.85 * half)
+    return rosette(blade(0.060, 0.0042, 0.040, 0.010, grass=True), 4, 0.55 * half)
 
 
 def crop_mesh(kind: str) -> Mesh:
@@ -190,11 +197,12 @@ class WeederScene:
     def _sensor(self, rgb: NDArray[np.uint8], eye: Array) -> NDArray[np.uint8]:
         """Shade of the cart over one side of the picture and the sensor's noise; the same for the same picture."""
         h, w, _ = rgb.shape
-        edge = 0.35 + 0.3 * np.sin(2.1 * float(eye[0]) + self._strip)
-        light = np.where(np.arange(w) < edge * w, _SHADE, 1.0)
+        edge = round((0.35 + 0.3 * np.sin(2.1 * float(eye[0]) + self._strip)) * w)
+        picture = rgb.astype(np.float32)
+        picture[:, : max(edge, 0)] *= _SHADE
         key = (round(float(eye[0]) * 1e4) * 7919 + round(float(eye[1]) * 1e4) + 31 * self._strip) % 2**32
-        noise = np.random.default_rng(key).standard_normal((h, w, 1), dtype=np.float32) * _SENSOR_NOISE
-        return np.clip(rgb * light[:, None] + noise, 0.0, 255.0).astype(np.uint8)
+        noise = np.random.default_rng(key).standard_normal((h, w), dtype=np.float32) * np.float32(_SENSOR_NOISE)
+        return cv2.convertScaleAbs(np.maximum(picture + noise[..., None], 0.0))
 
     def _make_pools(self) -> dict[str, Pool]:
         client = self._client

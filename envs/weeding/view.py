@@ -19,8 +19,12 @@ FRAME_EVERY_M = 0.06
 """The front camera takes a picture after this much way: six or seven of every weed."""
 DELAY_S = 0.15
 """From a picture to the use of what it showed [assumed, within the published 50-300 ms]."""
-PLANT_HEIGHT_M = 0.012
-"""Mean height of the leaves that the front camera sees."""
+TOOL_SETTINGS = WeedDetectorSettings(close_m=0.0012, whole=False)
+"""Of the detector behind the tool camera, whose view is not much larger than the largest weed."""
+SAME_M = 0.006
+"""A track this near to where the tool has worked is of the same plant."""
+WHOLE_M = 0.03
+"""Plants farther than this from the picture's edges are in the picture as a whole, most of them."""
 TOOL_GATE_M = 0.022
 """The tool camera corrects to a plant within this distance of where it was told to look."""
 DRIFT_SHARE = 0.01
@@ -34,6 +38,8 @@ class FrontCamera:
         """Begin before the strip: the machine has been driving for a camera's view already."""
         self._scene, self._drift = scene, drift
         self.tracker = WeedTracker()
+        cart = scene.config.cart
+        self._ahead_m, self._half_view_m = cart.camera_ahead_m, 0.5 * cart.camera_view_m - WHOLE_M
         # Pictures from before the strip came into view show nothing of it.
         self.next_m = max(start_m, 0.0) - scene.config.cart.seen_ahead_m
         self.last: tuple[NDArray[np.uint8], Seedlings] | None = None
@@ -43,8 +49,9 @@ class FrontCamera:
         while self.next_m <= cart_m:
             frame = self._scene.look_front(self.next_m)
             camera = frame.camera
-            found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera, PLANT_HEIGHT_M)
-            self.tracker.update(found, self.next_m)
+            found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera)
+            middle, half = self.next_m + self._ahead_m, self._half_view_m
+            self.tracker.update(found, self.next_m, (middle - half, middle + half))
             self.last = frame.rgb, found
             self.next_m += FRAME_EVERY_M
 
@@ -90,7 +97,7 @@ class WeederView:
         if crop.any():
             gap = np.hypot(*(place[:, None] - place[crop][None]).transpose(2, 0, 1)).min(axis=1)
         half = 0.5 * core.config.scenario.band_m
-        done = crop | np.array([t.treated for t in listed], bool) | (np.abs(place[:, 1]) > half)
+        done = crop | np.array([t.treated or t.is_doubtful for t in listed], bool) | (np.abs(place[:, 1]) > half)
         core.receive(0, place, votes.sum(axis=2).argmax(axis=1), votes.sum(axis=1).argmax(axis=1), gap, done)
 
     def correct(self, action: int) -> None:
@@ -100,11 +107,18 @@ class WeederView:
         if option == core.base_actions - 1 or not core.option_legal(0, option) or self._front is None:
             return
         index = int(core.slot_track[0, option // 3])
-        self._front.tracker.tracks[self._listed[index]].treated = True
         told = core.track_report[0, index]
         aim = self.tool_aim(told)
-        if aim is not None:
-            core.correct(0, index, aim)
+        tracks = self._front.tracker.tracks
+        tracks[self._listed[index]].treated = True
+        if aim is None:
+            return
+        core.correct(0, index, aim)
+        # A plant that fell apart in the front camera's pictures has several tracks: one shot is for all of them.
+        n = len(self._listed)
+        same = np.hypot(*(core.track_report[0, :n] - aim).T) <= SAME_M
+        for i in np.flatnonzero(same).tolist():
+            tracks[self._listed[i]].treated = True
 
     def tool_aim(self, told: Array) -> Array | None:
         """Where the tool camera sees the plant that it was sent to, (2,), or None."""
@@ -112,9 +126,8 @@ class WeederView:
         centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
         frame = self.camera_scene().look_tool(centre, told)
         camera = frame.camera
-        settings = WeedDetectorSettings(close_m=0.0012)
         found = detect_seedlings(
-            frame.rgb, camera.intrinsics, camera.world_from_camera, PLANT_HEIGHT_M, settings=settings
+            frame.rgb, camera.intrinsics, camera.world_from_camera, settings=TOOL_SETTINGS
         )
         if not len(found.position):
             return None
