@@ -1,7 +1,9 @@
 """What no policy can beat on a given instance, whatever it knows: the field, the drawn luck, the machine's true times.
 
 ``instance(env_id, seed, scenario=...).bound()`` gives a valid bound on net rate and return, and the shortest cycle time
-at that net rate. Each task adds a module with a function ``instance_of(core, reports)`` and an entry in ``_TASKS``.
+at that net rate. Each task adds a module with a function ``instance_of(core, reports)`` and an entry in ``_TASKS``;
+the camera's reports are ``"drawn"`` with the field, drawn but carried out by a simulated machine (``"driven"``), or
+``"any"``.
 """
 
 from __future__ import annotations
@@ -15,7 +17,13 @@ from .base import METHODS, Bound
 
 __all__ = ["METHODS", "Bound", "Instance", "bounded_ids", "instance"]
 
-_TASKS = {"fieldgym/SafflowerPicking-v0": "safflower"}
+_TASKS = {
+    "fieldgym/SafflowerPicking-v0": "safflower",
+    "fieldgym/TrayTransplanting-v0": "transplanting",
+}
+
+_UNDRIVEN = ("safflower",)
+"""Tasks whose bound does not tell a simulated machine from one that may report anything."""
 
 
 class Instance(Protocol):
@@ -46,7 +54,8 @@ def instance(env_id: str, seed: int, *, backend: str = "analytic", **kwargs: Any
     Args:
         env_id: registered id.
         seed: of the environment.
-        backend: with ``"pybullet"`` nothing is assumed of what a camera will report, which makes the bound looser.
+        backend: with ``"pybullet"`` the tool may stray as far as the simulated machine does; its camera, the default
+            there, may report anything. Both make the bound looser.
         **kwargs: of the environment (``scenario``, ``perception``, ...).
 
     Raises:
@@ -58,12 +67,14 @@ def instance(env_id: str, seed: int, *, backend: str = "analytic", **kwargs: Any
         raise ValueError(f"{env_id} has no bound yet: choose one of {', '.join(_TASKS)}")
     if backend not in ("analytic", "pybullet"):
         raise ValueError(f"backend = {backend!r}: choose 'analytic' or 'pybullet'")
-    reports = "drawn"
-    if backend == "pybullet" or kwargs.get("perception") == "camera":
+    perception = kwargs.get("perception") or ("camera" if backend == "pybullet" else "model")
+    reports = "drawn" if backend == "analytic" else "driven"
+    task = _TASKS[describe(env_id).id]
+    if perception == "camera" or (reports == "driven" and task in _UNDRIVEN):
         reports, kwargs = "any", {**kwargs, "perception": "perfect"}
     env: Any = gym.make_vec(env_id, 1, vectorization_mode="vector_entry_point", **kwargs)
     env.reset(seed=seed)
-    module = import_module(f".{_TASKS[env_id]}", __name__)
+    module = import_module(f".{task}", __name__)
     found = module.instance_of(env.unwrapped.core, reports)
     env.close()
     return found

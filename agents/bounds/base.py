@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 METHODS = ("relaxation", "cp-sat")
+REPORTS = ("drawn", "driven", "any")
+"""What is known of a camera's reports and of the machine: see the package."""
 
 
 @dataclass(frozen=True)
@@ -29,3 +32,8 @@ class Bound:
     proven: bool
     gap: float
     wall_s: float
+
+
+def state_of(core: Any) -> Any:
+    """What holds the rules' state arrays: a part of the rules, or the rules themselves."""
+    return getattr(core, "state", core)
