@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from ..envs.transplanting.config import SPEEDS, TransplantingConfig
+from ..envs.transplanting.features import CANDIDATE_FEATURES, MACHINE_FEATURES, MOVE_SCALE_S, candidate_table
 from ..envs.transplanting.motions import motions
 from ..envs.transplanting.process import damage_chances, loss_chances
-from ..envs.transplanting.task import CANDIDATE_FEATURES, MACHINE_FEATURES, MOVE_SCALE_S, candidate_table
 from .policy import Actions, Observation, StatelessPolicy
 
 Array = NDArray[np.float64]

@@ -77,9 +77,12 @@ def test_the_cameras_reports_reach_the_rules_row_by_row():
     core = env.core
     right = cells = 0
     for _ in range(8):
-        assert not core.look_due.any()
+        assert not core.state.look_due.any()
         seen = core.presented_reports()
-        truth = core.source_cells[0, core.source_row[0]], core.target_cells[0, core.target_row[0]]
+        truth = (
+            core.state.source_cells[0, core.state.source_row[0]],
+            core.state.target_cells[0, core.state.target_row[0]],
+        )
         for report, cell in zip(seen, truth, strict=True):
             right, cells = right + int(np.sum(report[0] == cell)), cells + len(cell)
         env.step(3 * core.config.scenario.pairs)

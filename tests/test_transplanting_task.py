@@ -28,18 +28,12 @@ from fieldgym.envs.transplanting.config import (
     TransplantingConfig,
     Tray,
 )
+from fieldgym.envs.transplanting.features import candidate_table
 from fieldgym.envs.transplanting.motions import cell_places, gate_motion, motions
 from fieldgym.envs.transplanting.process import damage_chances, loss_chances
+from fieldgym.envs.transplanting.rules import FILLED, FINISH, GAPS, INDEX_SOURCE, INDEX_TARGET, NOTHING
 from fieldgym.envs.transplanting.scenario import draw_blocks, draw_field, random_numbers, reports
-from fieldgym.envs.transplanting.task import (
-    FINISH,
-    INDEX_SOURCE,
-    INDEX_TARGET,
-    NOTHING,
-    TransplantingCore,
-    TransplantOutcome,
-    candidate_table,
-)
+from fieldgym.envs.transplanting.task import TransplantingCore, TransplantOutcome
 from fieldgym.motion import QUINTIC
 
 ID = "fieldgym/TrayTransplanting-v0"
@@ -54,12 +48,12 @@ def toy(source, target, *, seen_source=None, seen_target=None, **changes) -> Tra
     scenario = ScenarioConfig(SMALL, SMALL, 1, 1, True, 0.0, 0.0, 0.0, 1000.0)
     core = TransplantingCore(TransplantingConfig(scenario=scenario, **changes), PerceptionModel.perfect(), 1)
     core.reset_rows(np.array([0]), [np.random.default_rng(0)])
-    core.luck[:] = 0.5
-    core.source_cells[0, :-1], core.target_cells[0, :-1] = source, target
-    core.source_reports[0, :-1] = source if seen_source is None else seen_source
-    core.target_reports[0, :-1] = target if seen_target is None else seen_target
-    core.healthy[:] = np.count_nonzero(core.target_cells[0, :-1] == H)
-    core.gaps[:] = 6 - core.healthy
+    core.state.luck[:] = 0.5
+    core.state.source_cells[0, :-1], core.state.target_cells[0, :-1] = source, target
+    core.state.source_reports[0, :-1] = source if seen_source is None else seen_source
+    core.state.target_reports[0, :-1] = target if seen_target is None else seen_target
+    healthy = np.count_nonzero(core.state.target_cells[0, :-1] == H)
+    core.state.totals[0, [FILLED, GAPS]] = healthy, 6 - healthy
     return core
 
 
@@ -100,8 +94,12 @@ def test_a_planted_seedling_counts_once_and_cells_change_hands():
     _, result = decide(core, pair(0, 1))
     seconds = core.config.weights.seconds * result.phases_s.sum()
     assert result.rewards[0] == pytest.approx([1.0, 0.0, seconds])
-    assert core.source_cells[0, 0].tolist() == [E, H, H] and core.target_cells[0, 0].tolist() == [H, H, H]
-    assert core.source_reports[0, 0].tolist() == [E, H, H] and core.target_reports[0, 0].tolist() == [H, H, H]
+    assert core.state.source_cells[0, 0].tolist() == [E, H, H] and core.state.target_cells[0, 0].tolist() == [H, H, H]
+    assert core.state.source_reports[0, 0].tolist() == [E, H, H] and core.state.target_reports[0, 0].tolist() == [
+        H,
+        H,
+        H,
+    ]
     got = scores(core)
     assert (got["done"], got["missed"], got["gaps"]) == (1, 1, 2)
     assert got["net_rate"] == pytest.approx(5 / 6) and got["filled"] == pytest.approx(0.5)
@@ -117,7 +115,7 @@ def test_a_poor_seedling_goes_to_the_chute_first():
     travel = leg_s(to_target) + leg_s(0.15) + leg_s(0.15) + leg_s(to_chute) + leg_s(to_source) + leg_s(0.15)
     assert result.phases_s[0, 0] == pytest.approx(travel, abs=1e-12)
     assert result.phases_s[0, 2] == pytest.approx(2 * (PROCESS.grip_s + PROCESS.release_s))
-    assert core.target_cells[0, 0].tolist() == [H, H, H] and result.rewards[0, 0] == 1.0
+    assert core.state.target_cells[0, 0].tolist() == [H, H, H] and result.rewards[0, 0] == 1.0
     assert scores(core)["cleared"] == 1
 
 
@@ -136,16 +134,16 @@ def test_a_poor_seedling_goes_to_the_chute_first():
 )
 def test_luck_and_speed_decide_what_becomes_of_a_plug(luck, speed, target, score, spoiled):
     core = toy([[H] * 3] * 2, [[E] * 3] * 2)
-    core.luck[0, 0, 0] = luck
+    core.state.luck[0, 0, 0] = luck
     plan, result = decide(core, pair(0, 0, speed))
-    assert core.target_cells[0, 0, 0] == target and core.source_cells[0, 0, 0] == E
+    assert core.state.target_cells[0, 0, 0] == target and core.state.source_cells[0, 0, 0] == E
     assert scores(core)[score] == 1
     assert result.rewards[0, 1] == pytest.approx(spoiled * core.config.weights.spoiled)
     if score == "torn":
-        assert not plan.grips[0] and result.phases_s[0, 1] == 0.0 and core.place[0] == 0
+        assert not plan.grips[0] and result.phases_s[0, 1] == 0.0 and core.state.place[0] == 0
         assert result.phases_s[0, 2] == PROCESS.grip_s
     # The gripper's sensor tells a lost plug, nothing tells a damaged one.
-    assert core.target_reports[0, 0, 0] == (E if target == E else H)
+    assert core.state.target_reports[0, 0, 0] == (E if target == E else H)
 
 
 def test_chances_are_logistic_and_grow_with_the_acceleration():
@@ -160,12 +158,12 @@ def test_chances_are_logistic_and_grow_with_the_acceleration():
 def test_what_the_camera_missed_costs():
     core = toy([[E, P, H]] * 2, [[H, E, E]] * 2, seen_source=[[H] * 3] * 2, seen_target=[[E] * 3] * 2)
     plan, _ = decide(core, pair(0, 1))
-    assert not plan.grips[0] and scores(core)["torn"] == 0 and core.source_reports[0, 0, 0] == E
+    assert not plan.grips[0] and scores(core)["torn"] == 0 and core.state.source_reports[0, 0, 0] == E
     decide(core, pair(1, 1))
-    assert core.target_cells[0, 0].tolist() == [H, P, E] and scores(core)["done"] == 0
+    assert core.state.target_cells[0, 0].tolist() == [H, P, E] and scores(core)["done"] == 0
     _, result = decide(core, pair(2, 0))
     # A plug into an occupied cell: both are spoilt.
-    assert core.target_cells[0, 0].tolist() == [D, P, E]
+    assert core.state.target_cells[0, 0].tolist() == [D, P, E]
     assert result.rewards[0, :2] == pytest.approx([-1.0, core.config.weights.spoiled])
     assert scores(core)["damaged"] == 2 and scores(core)["net_rate"] == pytest.approx(1 / 6)
 
@@ -174,7 +172,7 @@ def test_a_gripper_that_misses_its_place_loses_the_plug():
     for error in ((PROCESS.reach_m * 1.01, 0.0), (0.0, PROCESS.reach_m * 1.01)):
         core = toy([[H] * 3] * 2, [[E] * 3] * 2)
         decide(core, pair(0, 0), error)
-        assert scores(core)["lost"] == 1 and core.target_cells[0, 0, 0] == E
+        assert scores(core)["lost"] == 1 and core.state.target_cells[0, 0, 0] == E
 
 
 def test_conveyors_take_their_time_and_the_episode_ends_with_the_last_target_row():
@@ -184,10 +182,10 @@ def test_conveyors_take_their_time_and_the_episode_ends_with_the_last_target_row
     source, target = 3 * 9, 3 * 9 + 1
     plan, result = decide(core, source)
     law = QUINTIC.duration(0.045, machine.conveyor_velocity_m_s, machine.conveyor_acceleration_m_s2)
-    assert plan.kind[0] == INDEX_SOURCE and core.source_row[0] == 1 and result.rewards[0, 1] == 0.0
+    assert plan.kind[0] == INDEX_SOURCE and core.state.source_row[0] == 1 and result.rewards[0, 1] == 0.0
     assert result.phases_s[0] == pytest.approx([leg_s(0.15), 0, 0, float(law) + machine.conveyor_settle_s, 0])
     plan, _ = decide(core, source)
-    assert plan.kind[0] == NOTHING and core.source_row[0] == 1, "the supply has no row behind its last one"
+    assert plan.kind[0] == NOTHING and core.state.source_row[0] == 1, "the supply has no row behind its last one"
     plan, result = decide(core, target)
     assert plan.kind[0] == INDEX_TARGET and result.phases_s[0, 0] == 0.0, "the tool is up already"
     plan, result = decide(core, target)
@@ -211,12 +209,12 @@ def test_masks_are_the_possible_pairs_and_illegal_actions_only_cost_time():
         for t in range(3):
             assert mask[pair(s, t, 0) : pair(s, t, 0) + 3].tolist() == [int((s, t) in possible)] * 3
     assert mask[-2:].tolist() == [1, 1]
-    before, place = core.scores()[0], core.place.copy()
+    before, place = core.scores()[0], core.state.place.copy()
     plan, result = decide(core, pair(1, 0))
     assert plan.kind[0] == NOTHING and result.phases_s[0].tolist() == [0, 0, 0, 0, PROCESS.illegal_s]
     after = dict(zip(core.score_names, core.scores()[0] - before, strict=True))
     assert after["illegal"] == 1 and after["transplants"] == 0 and after["healthy"] == 0
-    assert np.array_equal(core.place, place)
+    assert np.array_equal(core.state.place, place)
 
 
 def test_features_are_what_the_plan_then_takes():
@@ -356,7 +354,7 @@ def test_trays_and_luck_do_not_depend_on_the_camera_and_steps_draw_nothing(scena
         env: Any = gym.make(ID, backend="analytic", scenario=scenario, perception=perception).unwrapped
         _, info = env.reset(seed=3)
         core = env.core
-        drawn.append((core.source_cells.copy(), core.target_cells.copy(), core.luck.copy()))
+        drawn.append((core.state.source_cells.copy(), core.state.target_cells.copy(), core.state.luck.copy()))
         state = env.np_random.bit_generator.state
         env.step(int(np.flatnonzero(info["action_mask"])[0]))
         assert env.np_random.bit_generator.state == state

@@ -13,7 +13,8 @@ from ..single import TaskEnv
 from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, TransplantingConfig, tray
 from .executor import AnalyticTransplanter, PyBulletTransplanter
-from .task import TransplantingCore, TransplantOutcome, TransplantPlan
+from .rules import TransplantPlan
+from .task import TransplantingCore, TransplantOutcome
 
 if TYPE_CHECKING:
     from .view import TransplantView

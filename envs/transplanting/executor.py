@@ -12,7 +12,8 @@ from ...simulation.transplanter_model import TransplanterParameters
 from ..core import Array, Rows
 from .config import TransplantingConfig
 from .motions import Motions, gate_motion
-from .task import INDEX_SOURCE, NOTHING, TransplantingCore, TransplantOutcome, TransplantPlan
+from .rules import INDEX_SOURCE, NOTHING, TransplantPlan
+from .task import TransplantingCore, TransplantOutcome
 
 _REST_TOLERANCE_M = 5e-4
 """A gate is over when the tool is this close to where it was sent."""
@@ -105,7 +106,7 @@ class PyBulletTransplanter:
         """Put the machine where the rules say it stands."""
         if len(rows):
             self._machine.carry(0.0)
-            self._machine.reset(self._trajectories.points[self._core.place[0]])
+            self._machine.reset(self._trajectories.points[self._core.state.place[0]])
 
     def execute(self, plan: TransplantPlan) -> TransplantOutcome:
         """Drive the gates and say how long they took and where the tool came to rest."""

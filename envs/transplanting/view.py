@@ -12,8 +12,9 @@ from ...perception.trays import classify_row
 from ..core import Array, StepResult
 from .config import EMPTY
 from .executor import Move, Trajectories, moves
+from .rules import FINISH, INDEX_SOURCE, INDEX_TARGET, TransplantPlan
 from .scene import SIDES, Side, TrayLine, TrayScene
-from .task import FINISH, INDEX_SOURCE, INDEX_TARGET, TransplantingCore, TransplantPlan
+from .task import TransplantingCore
 
 _NEEDLES_S = 0.06
 """Time in which a picture shows the needles closing."""
@@ -38,12 +39,12 @@ class TransplantView:
     def sense(self) -> None:
         """Where a look is due, render the rows that came in, classify their cells and hand the rules the reports."""
         core = self._core
-        if not core.look_due[0].any():
+        if not core.state.look_due[0].any():
             return
         self._follow()
-        rows = {"source": int(core.source_row[0]), "target": int(core.target_row[0])}
+        rows = {"source": int(core.state.source_row[0]), "target": int(core.state.target_row[0])}
         reports = []
-        for due, side in zip(core.look_due[0], SIDES, strict=True):
+        for due, side in zip(core.state.look_due[0], SIDES, strict=True):
             line = self._lines[side]
             if not due:
                 reports.append(np.zeros(line.tray.columns, np.int8))
@@ -116,7 +117,7 @@ class TransplantView:
         elif move.then == "release":
             if in_cell and held is not None:
                 # What the rules booked there may be less than what was carried: lost or damaged on the way.
-                line.cells[row, column] = core.target_cells[0, row, column]
+                line.cells[row, column] = core.state.target_cells[0, row, column]
                 line.looks[row, column] = held[1]
             held = None
         self._changed()
@@ -137,14 +138,14 @@ class TransplantView:
         """Bring the scene to the rules' state."""
         core = self._core
         self._load_if_new()
-        for side, cells in zip(SIDES, (core.source_cells, core.target_cells), strict=True):
+        for side, cells in zip(SIDES, (core.state.source_cells, core.state.target_cells), strict=True):
             line, now = self._lines[side], cells[0, :-1]
             line.hollow |= (now == EMPTY) & (line.cells != EMPTY)
             line.cells[...] = now
-        self._row = {"source": int(core.source_row[0]), "target": int(core.target_row[0])}
+        self._row = {"source": int(core.state.source_row[0]), "target": int(core.state.target_row[0])}
         self._travel = {side: self._travel_to(side, self._row[side]) for side in SIDES}
         self._changed()
-        self._scene.set_tool(self._trajectories.points[core.place[0]])
+        self._scene.set_tool(self._trajectories.points[core.state.place[0]])
 
     def _load_if_new(self) -> None:
         core = self._core
@@ -152,7 +153,7 @@ class TransplantView:
             return
         self._episode = int(core.episode[0])
         scenario, gap = core.config.scenario, core.config.machine.tray_gap_m
-        source, target = core.source_cells[0, :-1].copy(), core.target_cells[0, :-1].copy()
+        source, target = core.state.source_cells[0, :-1].copy(), core.state.target_cells[0, :-1].copy()
         self._lines = {
             "source": TrayLine(scenario.source, source, core.source_looks[0].copy(), np.zeros(source.shape, bool), gap),
             "target": TrayLine(scenario.target, target, core.target_looks[0].copy(), np.ones(target.shape, bool), gap),
