@@ -1,6 +1,8 @@
-"""The weeder's world in a render client: soil, crop rows, weeds, the machine with its beam, and both its cameras."""
+"""The weeders' world in a render client: soil, crop rows, weeds, the front camera; and the laser with its own."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -24,7 +26,12 @@ from ...simulation.weeder import WeederMachine
 from ...simulation.weeder_model import WeederParameters
 from ..core import Array
 from .config import WeedingConfig
-from .scenario import FAR_M
+
+if TYPE_CHECKING:
+    from .tool import FieldConfig
+
+Quaternion = tuple[float, float, float, float]
+Rgba = tuple[float, float, float, float]
 
 SOIL, CLOD, STONE = (0.40, 0.31, 0.23, 1.0), (0.34, 0.26, 0.19, 1.0), (0.52, 0.48, 0.43, 1.0)
 MOSS = (0.36, 0.40, 0.24, 1.0)
@@ -93,28 +100,30 @@ def crop_mesh(kind: str) -> Mesh:
     return rosette(blade(0.090, 0.016, 0.080, 0.010, 6), 4, 0.9 * np.pi, 0.0, 0.012)
 
 
-class WeederScene:
-    """Draws one strip and the machine in it. Bodies are made once; another strip only moves them."""
+class FieldScene:
+    """Draws one strip. Bodies are made once; another strip only moves them. Tools add their machine.
 
-    def __init__(
-        self, config: WeedingConfig, parameters: WeederParameters, *, window: bool = False, machine: bool = True
-    ):
-        """Make the client and the pools; the cameras' pictures come faster without the ``machine``."""
-        self.config, self.parameters = config, parameters
-        self._client = PhysicsClient(parameters.physics_hz, gui=window)
-        self._machine = WeederMachine(parameters, self._client) if machine else None
-        cart = config.cart
-        eye_m = parameters.camera_height_m
-        self.front = Camera(400, 320, 2.0 * np.arctan(0.5 * cart.camera_view_m / eye_m), 0.10, 2.0)
-        self.tool = Camera(240, 240, 2.0 * np.arctan(0.05 / config.reach.gap_m), 0.30, 2.0)
+    Attributes:
+        front: the camera in front of the cart.
+    """
+
+    mark_radius_m, mark_colour = 0.007, SCORCHED
+    """Of the spots that the tool leaves on the ground."""
+    side_eye_m = (0.30, -2.55, 1.55)
+    """From what people are shown, ``side_middle_m`` above the row, to where they look from."""
+    side_middle_m = 0.50
+
+    def __init__(self, config: FieldConfig, camera_height_m: float, physics_hz: float, *, window: bool = False):
+        """Make the client and the pools."""
+        self.config = config
+        self._client = PhysicsClient(physics_hz, gui=window)
+        self._eye_m = camera_height_m
+        self.front = Camera(400, 320, 2.0 * np.arctan(0.5 * config.cart.camera_view_m / camera_height_m), 0.10, 2.0)
         self._pools = self._make_pools()
-        red = {"rgbaColor": [1.0, 0.05, 0.05, 0.55], "physicsClientId": self._client.id}
-        shape = pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=0.003, length=1.0, **red)
-        self._beam = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
         self._weed, self._crop = np.zeros((0, 2)), np.zeros((0, 2))
         self._species, self._stage, self._look = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
         self._dead_weed, self._dead_crop = np.zeros(0, bool), np.zeros(0, bool)
-        self._burnt: list[Array] = []
+        self._marks: list[Array] = []
         self._cart_m, self._planted_m = 0.0, np.inf
         self._strip = 0
 
@@ -131,44 +140,21 @@ class WeederScene:
         self._weed, self._species, self._stage, self._look = weed, species, stage, look
         self._crop = crop
         self._dead_weed, self._dead_crop = np.zeros(len(weed), bool), np.zeros(len(crop), bool)
-        self._burnt = []
+        self._marks = []
         self._strip = strip
         self._planted_m = np.inf
 
-    def set_dead(self, weed: NDArray[np.bool_], crop: NDArray[np.bool_], burnt: list[Array]) -> None:
-        """Scorch plants and mark shots (2,) on the ground."""
-        if np.any(weed != self._dead_weed) or np.any(crop != self._dead_crop) or len(burnt) != len(self._burnt):
-            self._dead_weed, self._dead_crop, self._burnt = weed.copy(), crop.copy(), list(burnt)
+    def set_dead(self, weed: NDArray[np.bool_], crop: NDArray[np.bool_], marks: list[Array]) -> None:
+        """Show plants as dead and mark where the tool worked, places (2,), on the ground."""
+        if np.any(weed != self._dead_weed) or np.any(crop != self._dead_crop) or len(marks) != len(self._marks):
+            self._dead_weed, self._dead_crop, self._marks = weed.copy(), crop.copy(), list(marks)
             self._planted_m = np.inf
-
-    def set_machine(self, cart_m: float, pose: ArrayLike, beam_on: bool = False) -> None:
-        """Put the machine at a cart position and a pose of the mechanism, its beam on or off."""
-        if self._machine is None:
-            raise RuntimeError("this scene was made without its machine")
-        self._cart_m = cart_m
-        self._machine.place(cart_m, pose)
-        at = [0.0, 0.0, -20.0]
-        turn = [0.0, 0.0, 0.0, 1.0]
-        if beam_on:
-            top = self._machine.platform_world()
-            foot = np.array([*self._machine.beam_world(0.0), 0.0])
-            ray = (foot - top) / np.linalg.norm(foot - top)
-            # The visible beam is 1 m long and begins under the laser head; what is below ground is hidden.
-            middle = top + 0.2 * ray + 0.5 * ray
-            at = middle.tolist()
-            turn = upright_to(ray).tolist()
-        pybullet.resetBasePositionAndOrientation(self._beam, at, turn, physicsClientId=self._client.id)
 
     def look_front(self, cart_m: float) -> RgbdFrame:
         """What the front camera sees, straight down; the top of the picture is ahead."""
         self._plant(cart_m)
-        eye = np.array([cart_m + self.config.cart.camera_ahead_m, 0.0, self.parameters.camera_height_m])
+        eye = np.array([cart_m + self.config.cart.camera_ahead_m, 0.0, self._eye_m])
         return self._look_down(self.front, eye, eye - np.array([0.0, 0.0, 1.0]))
-
-    def look_tool(self, centre: Array, spot: Array) -> RgbdFrame:
-        """What the camera beside the laser sees from the platform's ``centre`` (3,) towards a place (2,)."""
-        self._plant(float(centre[0]))
-        return self._look_down(self.tool, centre, np.array([spot[0], spot[1], self.config.reach.target_height_m]))
 
     def render(self, width: int = 720, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of machine and field from beside the row."""
@@ -176,12 +162,16 @@ class WeederScene:
         for pool in self._pools.values():
             pool.show(np.ones(len(pool.places), dtype=bool))
         camera = Camera(width, height, np.deg2rad(36.0), 0.1, 14.0)
-        middle = np.array([self._cart_m + 0.02, 0.0, 0.50])
-        eye = middle + np.array([0.30, -2.55, 1.55])
+        middle = np.array([self._cart_m + 0.02, 0.0, self.side_middle_m])
+        eye = middle + np.array(self.side_eye_m)
         frame = camera.look(self._client, eye, middle, np.array([0.0, 0.0, 1.0]), shadows=True)
         empty = frame.depth_m > 0.99 * camera.far_m
         sky = np.linspace((176, 205, 232), (236, 241, 243), height).astype(np.uint8)
         return np.where(empty[..., None], sky[:, None], frame.rgb)
+
+    def dead_looks(self, at: Array, turn: Quaternion) -> tuple[Array, Quaternion, Rgba]:
+        """Position, quaternion and colour of a dead plant that stood ``at`` a place with a ``turn``."""
+        return at, turn, SCORCHED
 
     def close(self) -> None:
         """Close the client; idempotent."""
@@ -202,7 +192,7 @@ class WeederScene:
         picture[:, : max(edge, 0)] *= _SHADE
         key = (round(float(eye[0]) * 1e4) * 7919 + round(float(eye[1]) * 1e4) + 31 * self._strip) % 2**32
         noise = np.random.default_rng(key).standard_normal((h, w), dtype=np.float32) * np.float32(_SENSOR_NOISE)
-        return cv2.convertScaleAbs(np.maximum(picture + noise[..., None], 0.0))
+        return np.asarray(cv2.convertScaleAbs(np.maximum(picture + noise[..., None], 0.0)), np.uint8)
 
     def _make_pools(self) -> dict[str, Pool]:
         client = self._client
@@ -219,8 +209,8 @@ class WeederScene:
         pools["stone"] = Pool(client, pebble, STONE, 60)
         moss = surface_of_revolution(np.array([0.009, 0.0]), np.array([0.0005, 0.001]), 7)
         pools["moss"] = Pool(client, moss, MOSS, 30)
-        scorch = surface_of_revolution(np.array([0.007, 0.0]), np.array([0.001, 0.0012]), 10)
-        pools["scorch"] = Pool(client, scorch, SCORCHED, 80)
+        mark = surface_of_revolution(np.array([self.mark_radius_m, 0.0]), np.array([0.001, 0.0012]), 10)
+        pools["mark"] = Pool(client, mark, self.mark_colour, 80)
         return pools
 
     def _plant(self, middle_m: float) -> None:
@@ -236,30 +226,68 @@ class WeederScene:
             species, stage = int(self._species[i]), int(self._stage[i])
             green = (WEED_GREEN, GRASS_GREEN)[species]
             shade = 0.85 + 0.3 * float((self._look[i] * 7.3) % 1.0)
-            colour = SCORCHED if self._dead_weed[i] else (green[0] * shade, green[1] * shade, green[2] * shade, 1.0)
-            spin = yaw(2.0 * np.pi * float(self._look[i]))
-            self._pools[f"weed{species}{stage}"].place((*self._weed[i], 0.0), spin, colour)
+            colour = (green[0] * shade, green[1] * shade, green[2] * shade, 1.0)
+            at, turn = np.append(self._weed[i], 0.0), yaw(2.0 * np.pi * float(self._look[i]))
+            if self._dead_weed[i]:
+                at, turn, colour = self.dead_looks(at, turn)
+            self._pools[f"weed{species}{stage}"].place(at, turn, colour)
         green = BEET if self.config.scenario.crop == "beet" else MAIZE
         pitch, row = self.config.scenario.crop_pitch_m, self.config.scenario.row_m
         for i in np.flatnonzero((self._crop[:, 0] > low) & (self._crop[:, 0] < high)).tolist():
-            colour = SCORCHED if self._dead_crop[i] else green
-            self._pools["crop"].place((*self._crop[i], 0.0), yaw(2.0 * np.pi * _scatter(i, self._strip)), colour)
+            at, turn, colour = np.append(self._crop[i], 0.0), yaw(2.0 * np.pi * _scatter(i, self._strip)), green
+            if self._dead_crop[i]:
+                at, turn, colour = self.dead_looks(at, turn)
+            self._pools["crop"].place(at, turn, colour)
         for side in (-1, 1):
             for i in range(int(np.floor(low / pitch)), int(np.ceil(high / pitch))):
                 at = (pitch * (i + 0.1 * _scatter(i, side + 5)), side * row, 0.0)
                 self._pools["crop"].place(at, yaw(2.0 * np.pi * _scatter(i, side + 9)), green)
-        for burnt in self._burnt:
-            if low < burnt[0] < high:
-                self._pools["scorch"].place((*burnt, 0.0))
+        for mark in self._marks:
+            if low < mark[0] < high:
+                self._pools["mark"].place((*mark, 0.0))
         for name, each_m in (("clod", 0.012), ("stone", 0.05), ("moss", 0.5)):
             for i in range(int(low / each_m), int(high / each_m)):
                 across = 0.62 * (2.0 * _scatter(i, 3 * self._strip + len(name)) - 1.0)
                 self._pools[name].place((each_m * i, across, 0.0), yaw(i))
 
 
-def alive_weeds(weed: Array) -> NDArray[np.bool_]:
-    """Which padded places hold a weed."""
-    return weed[:, 0] < 0.5 * FAR_M
+class WeederScene(FieldScene):
+    """The strip with the laser over it, its beam, and the camera beside the laser."""
+
+    def __init__(
+        self, config: WeedingConfig, parameters: WeederParameters, *, window: bool = False, machine: bool = True
+    ):
+        """Make everything; the cameras' pictures come faster without the ``machine``."""
+        super().__init__(config, parameters.camera_height_m, parameters.physics_hz, window=window)
+        self._reach = config.reach
+        self._machine = WeederMachine(parameters, self._client) if machine else None
+        self.tool = Camera(240, 240, 2.0 * np.arctan(0.05 / config.reach.gap_m), 0.30, 2.0)
+        red = {"rgbaColor": [1.0, 0.05, 0.05, 0.55], "physicsClientId": self._client.id}
+        shape = pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=0.003, length=1.0, **red)
+        self._beam = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
+
+    def set_machine(self, cart_m: float, pose: ArrayLike, beam_on: bool = False) -> None:
+        """Put the machine at a cart position and a pose of the mechanism, its beam on or off."""
+        if self._machine is None:
+            raise RuntimeError("this scene was made without its machine")
+        self._cart_m = cart_m
+        self._machine.place(cart_m, pose)
+        at = [0.0, 0.0, -20.0]
+        turn = [0.0, 0.0, 0.0, 1.0]
+        if beam_on:
+            top = self._machine.platform_world()
+            foot = np.array([*self._machine.beam_world(0.0), 0.0])
+            ray = (foot - top) / np.linalg.norm(foot - top)
+            # The visible beam is 1 m long and begins under the laser head; what is below ground is hidden.
+            middle = top + 0.2 * ray + 0.5 * ray
+            at = middle.tolist()
+            turn = upright_to(ray).tolist()
+        pybullet.resetBasePositionAndOrientation(self._beam, at, turn, physicsClientId=self._client.id)
+
+    def look_tool(self, centre: Array, spot: Array) -> RgbdFrame:
+        """What the camera beside the laser sees from the platform's ``centre`` (3,) towards a place (2,)."""
+        self._plant(float(centre[0]))
+        return self._look_down(self.tool, centre, np.array([spot[0], spot[1], self._reach.target_height_m]))
 
 
 def _scatter(index: int, salt: int) -> float:
