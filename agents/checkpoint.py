@@ -124,7 +124,18 @@ def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
 
 
 def _arrays(owner: object) -> dict[str, torch.Tensor]:
-    return {name: _tensor(v) for name, v in vars(owner).items() if isinstance(v, np.ndarray) and v.dtype != object}
+    return {name: _tensor(values) for name, values in _held(owner).items()}
+
+
+def _held(owner: object) -> dict[str, np.ndarray]:
+    """The arrays of ``owner``, those of its named tuples included."""
+    held = {}
+    for name, value in vars(owner).items():
+        parts = value._asdict() if isinstance(value, tuple) and hasattr(value, "_asdict") else {"": value}
+        for part, array in parts.items():
+            if isinstance(array, np.ndarray) and array.dtype != object:
+                held[f"{name}.{part}" if part else name] = array
+    return held
 
 
 def _tensor(values: Any) -> torch.Tensor:
@@ -132,12 +143,12 @@ def _tensor(values: Any) -> torch.Tensor:
 
 
 def _put(owner: object, saved: dict[str, torch.Tensor], what: str) -> None:
-    now = {name for name, v in vars(owner).items() if isinstance(v, np.ndarray) and v.dtype != object}
-    if now != set(saved):
-        odd = sorted(now ^ set(saved))
+    now = _held(owner)
+    if set(now) != set(saved):
+        odd = sorted(set(now) ^ set(saved))
         raise CheckpointError(f"the checkpoint's {what} does not fit ({', '.join(odd[:3])}): start without --resume")
     for name, values in saved.items():
-        array = getattr(owner, name)
+        array = now[name]
         if array.shape != tuple(values.shape):
             raise CheckpointError(f"the checkpoint's {what}.{name} does not fit: start without --resume")
         if array.flags.writeable:

@@ -23,6 +23,9 @@ class TrainSettings:
         algo: ``"maskable-ppo"``, or ``"ppo"`` with the mask inside the network.
         scenario: of the environment; None for its headline scenario.
         steps: decisions to learn from.
+        teacher: scripted policy whose choices the network learns before it finds its own; None: begins with nothing.
+        teacher_decisions: how many of them.
+        teacher_epochs: passes over them.
         num_envs: worlds in the batch.
         n_steps: decisions a world between two updates.
         batch_size: of an update's minibatches.
@@ -47,6 +50,9 @@ class TrainSettings:
     algo: str = "maskable-ppo"
     scenario: str | None = None
     steps: int = 1_000_000
+    teacher: str | None = None
+    teacher_decisions: int = 200_000
+    teacher_epochs: int = 4
     num_envs: int = 256
     n_steps: int = 64
     batch_size: int = 4096
@@ -76,7 +82,7 @@ class TrainSettings:
         if self.algo not in ALGORITHMS:
             raise ValueError(f"algo = {self.algo!r}: choose one of {', '.join(ALGORITHMS)}")
         whole = ("steps", "num_envs", "n_steps", "batch_size", "n_epochs", "hidden", "critic_hidden")
-        for name in (*whole, "evaluate_every", "evaluation_episodes"):
+        for name in (*whole, "teacher_decisions", "teacher_epochs", "evaluate_every", "evaluation_episodes"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} = {getattr(self, name)}: give at least 1")
         if self.batch_size > self.num_envs * self.n_steps:

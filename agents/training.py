@@ -22,7 +22,9 @@ from stable_baselines3.common.utils import LinearSchedule
 from .. import __version__
 from . import checkpoint, portable
 from .evaluation import Scores, evaluate, mean
+from .imitation import imitate
 from .layout import layout_of
+from .registry import make_policy
 from .sb3 import NativeVecEnv, make_vec_env
 from .set_policy import MaskableSetPolicy, SetPolicy
 from .train_settings import TrainSettings
@@ -46,6 +48,7 @@ class Progress:
         returns: mean return of the latest training episodes, NaN before the first.
         net_rate: the same for the net rate.
         cycle_time_s: the same for the cycle time.
+        taught: share of its teacher's decisions that the network took over, NaN without a teacher.
         environment_s: wall seconds inside the environment.
         acting_s: choosing actions and keeping what was seen.
         learning_s: updates.
@@ -59,6 +62,7 @@ class Progress:
     returns: float = math.nan
     net_rate: float = math.nan
     cycle_time_s: float = math.nan
+    taught: float = math.nan
     environment_s: float = 0.0
     acting_s: float = 0.0
     learning_s: float = 0.0
@@ -139,9 +143,11 @@ def train(
         # SB3 hands its own seed on to the environment.
         model = _model(env, settings, first_seed)
         run = _Run(env_id, settings, seed, folder, model, env, on_update)
+        model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
         if saved is not None:
             run.restore(saved)
-        model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
+        elif settings.teacher is not None:
+            run.learn_from(settings.teacher)
         left = settings.steps - model.num_timesteps
         if left > 0:
             model.learn(left, callback=run, reset_num_timesteps=False, log_interval=1)
@@ -224,6 +230,23 @@ class _Run(BaseCallback):
         self.curve, self.best = run["curve"], run["best"] if run["best"] is not None else -math.inf
         self.recent.extend(run["recent"])
 
+    def learn_from(self, teacher: str) -> None:
+        """Begin with what a scripted policy does."""
+        settings = self.settings
+        self.progress.taught = imitate(
+            self.learner,
+            self.worlds,
+            make_policy(teacher, self.worlds.native, self.seed),
+            settings.teacher_decisions,
+            settings.teacher_epochs,
+            settings.batch_size,
+        )
+        # The run begins with fresh instances, as one without a teacher does.
+        self.worlds.seed(TRAINING_SEEDS + 10_000 * self.seed)
+        self.progress.learning_s += self._lap()
+        self._evaluate()
+        self.progress.other_s += self._lap()
+
     def _on_training_start(self) -> None:
         # SB3 empties its episode buffer when learning begins; the checkpoint keeps it for the log.
         self.learner.ep_info_buffer.extend(getattr(self.learner, "_restored_episodes", ()))
@@ -284,8 +307,8 @@ class _Run(BaseCallback):
         self.progress.held_out = point
         self.curve.append({"steps": self.progress.steps, "wall_s": round(self.progress.wall_s, 1), **point})
         for name, value in point.items():
-            self.logger.record(f"held_out/{name}", value)
-        self.logger.dump(self.progress.steps)
+            self.learner.logger.record(f"held_out/{name}", value)
+        self.learner.logger.dump(self.progress.steps)
         names = [LAST]
         if point["return"] > self.best:
             self.best = point["return"]
