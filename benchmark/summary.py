@@ -117,8 +117,10 @@ class _RowMaker:
 
     def row(self, policy: str) -> Row:
         own = self.policies[policy]
-        names = list(dict.fromkeys(name for values in own.values() for name in values))
-        columns = {name: [values.get(name, np.nan) for values in own.values()] for name in names}
+        # In the order of the seeds, not of the workers: the bootstrap is the same for the same episodes.
+        values = [own[seed] for seed in sorted(own)]
+        names = list(dict.fromkeys(name for each in values for name in each))
+        columns = {name: [each.get(name, np.nan) for each in values] for name in names}
         main = [name for name in MAIN if name in columns]
         compared = self.reference in self.policies and policy != self.reference
         rules = [name for name in self.policies if not name.startswith(LEARNED)]
@@ -139,12 +141,10 @@ class _RowMaker:
 
     def bound(self) -> Row:
         """Means of the bounds; cycle times are bounded at a policy's own net rate only, so there is none here."""
-        columns = {
-            "net_rate": [limit.net_rate for limit in self.known.values()],
-            "return": [limit.episode_return for limit in self.known.values()],
-        }
+        known = [self.known[seed] for seed in sorted(self.known)]
+        columns = {"net_rate": [each.net_rate for each in known], "return": [each.episode_return for each in known]}
         scores = {name: mean([np.nan if x is None else x for x in column]) for name, column in columns.items()}
-        return Row(self.group, BOUND, self.reference, len(self.known), scores, charged=self.charged)
+        return Row(self.group, BOUND, self.reference, len(known), scores, charged=self.charged)
 
     def _difference(self, policy: str, other: str, name: str) -> Difference:
         own, theirs = self.policies[policy], self.policies[other]

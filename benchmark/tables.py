@@ -217,7 +217,8 @@ def verdicts(rows: Iterable[Row]) -> list[str]:
 
 
 def _interval(estimate: Estimate, scale: float, digits: int, sign: str = "") -> str:
-    value, low, high = (scale * number for number in (estimate.value, estimate.low, estimate.high))
+    # Adding zero turns -0.0 into 0.0.
+    value, low, high = (round(scale * x, digits) + 0.0 for x in (estimate.value, estimate.low, estimate.high))
     interval = f" [{low:.{digits}f}, {high:.{digits}f}]" if math.isfinite(low) else ""
     return f"{value:{sign}.{digits}f}{interval}"
 

@@ -11,17 +11,20 @@ from pathlib import Path
 import pytest
 
 from fieldgym.benchmark import runner, store
-from fieldgym.benchmark.episode import Record, failed, identity
-from fieldgym.benchmark.suites import Case, Condition, Episode, Suite
+from fieldgym.benchmark.record import Record, failed, identity, key
+from fieldgym.benchmark.suites import BOUND, Case, Condition, Episode, Suite
 
 CONDITION = Condition("fieldgym/Stand-v0", "pots", "analytic", "model")
 
 
-def small_suite(seeds: int = 4, policies: tuple[str, ...] = ("first", "second")) -> Suite:
-    return Suite("quick", (Case(CONDITION, policies, policies[0], tuple(range(seeds))),))
+def small_suite(seeds: int = 4, policies: tuple[str, ...] = ("first", "second"), bounded: bool = False) -> Suite:
+    return Suite("quick", (Case(CONDITION, policies, policies[0], tuple(range(seeds)), bounded),))
 
 
 def result_of(episode: Episode) -> Record:
+    if episode.policy == BOUND:
+        bound = {"net_rate": 0.5 + 0.01 * episode.seed, "episode_return": 1.0, "curve": []}
+        return {**identity(episode), "bound": bound, "wall_s": 0.1}
     scorecard = {"net_rate": 0.5 + 0.01 * episode.seed, "cycle_time_s": None}
     return {
         **identity(episode),
@@ -74,6 +77,47 @@ def test_ctrl_c_keeps_what_is_finished_and_resume_runs_only_the_rest(tmp_path: P
     assert len(count.ran) == 5
     assert report.skipped == 3
     assert len({store.key(record) for record in report.records}) == len(report.records) == 8
+
+
+def test_bounds_are_kept_beside_the_episodes_and_computed_once(tmp_path: Path):
+    suite = small_suite(3, bounded=True)
+    with pytest.raises(runner.InterruptedRunError, match="5 of 9 episodes are kept"):
+        runner.run_suite(suite, tmp_path, run=Counting(stop_before=5))
+    assert len(store.read(tmp_path / store.BOUNDS)) == 1
+    count = Counting()
+    report = runner.run_suite(suite, tmp_path, resume=True, run=count)
+    assert count.ran == [(BOUND, 1), ("first", 2), ("second", 2), (BOUND, 2)]
+    assert [record["seed"] for record in report.bounds] == [0, 1, 2]
+    assert BOUND not in {record["policy"] for record in report.records}
+    assert store.read(tmp_path / store.BOUNDS) == report.bounds
+    assert [record["bound"]["net_rate"] for record in store.load(tmp_path)] == [0.5, 0.5, 0.51, 0.51, 0.52, 0.52]
+    runner.run_suite(suite, tmp_path, run=Counting())
+    assert len(store.read(tmp_path / "bounds.previous.jsonl")) == 3
+
+
+def test_a_bound_that_fails_is_told_and_tried_again(tmp_path: Path):
+    suite = small_suite(2, bounded=True)
+    report = runner.run_suite(suite, tmp_path, run=Counting(failing=(BOUND, 1)))
+    assert [(record["policy"], record["seed"]) for record in report.failures] == [(BOUND, 1)]
+    assert len(report.bounds) == 1 and report.violations == []
+    again = Counting()
+    assert len(runner.run_suite(suite, tmp_path, resume=True, run=again).bounds) == 2
+    assert again.ran == [(BOUND, 1)]
+
+
+def test_results_that_beat_their_bound_are_in_the_report(tmp_path: Path):
+    def cheat(episode: Episode, cancelled=None) -> Record:
+        record = result_of(episode)
+        return {**record, "return": 1.1} if (episode.policy, episode.seed) == ("second", 1) else record
+
+    report = runner.run_suite(small_suite(2, bounded=True), tmp_path, run=cheat)
+    assert len(report.violations) == 1
+    assert "second, seed 1: return 1.1 beats its bound 1" in report.violations[0]
+
+
+def test_an_engine_must_be_known(tmp_path: Path):
+    with pytest.raises(ValueError, match="engine = 'dask': choose one of local, ray"):
+        runner.run_suite(small_suite(), tmp_path, engine="dask")
 
 
 def test_a_torn_last_line_runs_again(tmp_path: Path):
@@ -186,11 +230,13 @@ def runner_cancelled():
 
 if __name__ == "__main__":
     try:
-        report = runner.run_suite(small_suite(6, policies), folder, jobs, "--resume" in sys.argv, run=run)
+        suite = small_suite(6, policies, bounded="--bounds" in sys.argv)
+        report = runner.run_suite(suite, folder, jobs, "--resume" in sys.argv, run=run)
     except runner.InterruptedRunError as error:
         print(error)
         sys.exit(130)
-    print(len(report.records), "finished", [(r["policy"], r["seed"], r["error"]) for r in report.failures])
+    finished = len(report.records) + len(report.bounds)
+    print(finished, "finished", [(r["policy"], r["seed"], r["error"]) for r in report.failures])
 """
 
 
@@ -256,20 +302,30 @@ def test_ctrl_c_in_the_terminal_ends_quietly_and_resume_completes(tmp_path: Path
 @pytest.mark.slow
 def test_a_killed_benchmark_leaves_no_worker_and_can_be_resumed(tmp_path: Path, script: Path):
     folder = tmp_path / "results"
-    process = start(script, folder, 2, "first,second")
+    process = start(script, folder, 2, "first,second", "--bounds")
     wait_for_lines(folder / store.EPISODES, 3, process)
+    wait_for_lines(folder / store.BOUNDS, 1, process)
     workers = [int(path.name.removeprefix("worker-")) for path in folder.glob("worker-*")]
     assert len(workers) == 2
     process.kill()
     process.communicate()
-    with open(folder / store.EPISODES, "a") as file:
-        file.write('{"env_id": "fieldgym/Sta')
+    for name in (store.EPISODES, store.BOUNDS):
+        with open(folder / name, "a") as file:
+            file.write('{"env_id": "fieldgym/Sta')
     deadline = time.monotonic() + 20.0
     while any(map(alive, workers)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not any(map(alive, workers))
-    output, errors = start(script, folder, 2, "first,second", "--resume").communicate(timeout=60)
-    assert output == "12 finished []\n", errors
+    done_before = {key(record) for name in (store.EPISODES, store.BOUNDS) for record in told_whole(folder / name)}
+    (folder / "ran").unlink()
+    output, errors = start(script, folder, 2, "first,second", "--bounds", "--resume").communicate(timeout=60)
+    assert output == "18 finished []\n", errors
+    ran = (folder / "ran").read_text().splitlines()
+    assert len(ran) == len(set(ran)) == 18 - len(done_before)
+
+
+def told_whole(path: Path) -> "list[Record]":
+    return [json.loads(line) for line in path.read_bytes().split(b"\n")[:-1]]
 
 
 @pytest.mark.slow

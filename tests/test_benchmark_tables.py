@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from fieldgym.benchmark import suites, tables
-from fieldgym.benchmark.episode import Record
-from fieldgym.benchmark.suites import Case, Condition, Suite
+from fieldgym.benchmark import suites, tables, thinking
+from fieldgym.benchmark.record import Record
+from fieldgym.benchmark.suites import BOUND, Case, Condition, Suite
 
 POTS = Condition("fieldgym/Stand-v0", "pots", "analytic", "model")
 ROW = Condition("fieldgym/Stand-v0", "row", "analytic", "model")
@@ -29,9 +29,17 @@ def record(policy: str, seed: int, net_rate: float, cycle_time_s: float | None, 
         "steps": 10,
         "terminated": True,
         "scorecard": {"net_rate": net_rate, "cycle_time_s": cycle_time_s},
+        "last_s": 90.0,
         "wall_s": 0.5,
         "decision_s": 0.02,
+        "decision_p95_ms": 3.0,
+        "decision_before_last_s": 0.018,
     }
+
+
+def bound(seed: int, net_rate: float, episode_return: float, curve: list[list[float]]) -> Record:
+    values = {"net_rate": net_rate, "episode_return": episode_return, "curve": curve}
+    return {**vars(POTS), "policy": BOUND, "seed": seed, "bound": values, "wall_s": 0.1}
 
 
 @pytest.fixture
@@ -113,6 +121,65 @@ def test_the_terminal_table_fits_its_width_and_names_every_policy(rows: list[tab
     assert ("ms a decision" in text) == (width == 132)
 
 
+def test_the_order_of_the_records_does_not_move_a_figure():
+    records = [record("plain", seed, 0.6 + 0.013 * (seed * 7 % 11), 10.0 + seed % 4) for seed in range(12)]
+    records += [record("swift", seed, 0.6 + 0.017 * (seed * 5 % 7), 11.0) for seed in range(12)]
+    bounds = [bound(seed, 0.9 + 0.001 * seed, 12.0, [[0.0, 5.0]]) for seed in range(12)]
+    assert tables.summarise(records, CASES, bounds) == tables.summarise(records[::-1], CASES, bounds[::-1])
+
+
+def test_gaps_are_paired_with_the_bound_of_the_same_seed_and_net_rate():
+    records = [record("plain", seed, 0.5 + 0.1 * seed, 20.0) for seed in range(3)]
+    curve = [[0.0, 10.0], [0.6, 14.0], [0.9, 30.0]]
+    bounds = [bound(seed, 0.6 + 0.1 * seed, 11.0 + seed, curve) for seed in (0, 1, 2)]
+    plain, best = tables.summarise(records, CASES, bounds)
+    assert plain.gaps["net_rate"].value == pytest.approx(0.1)
+    assert plain.gaps["return"].value == pytest.approx(2.0)
+    assert plain.gaps["cycle_time_s"].value == pytest.approx((10.0 + 6.0 + 6.0) / 3.0)
+    assert (best.policy, best.scores["net_rate"].value) == (BOUND, pytest.approx(0.7))
+    assert "cycle_time_s" not in best.scores
+    one = tables.summarise(records, CASES, bounds[:1])[0]
+    assert one.gaps["net_rate"].n == 1
+
+
+def test_every_main_score_has_its_robust_mean_and_its_difference(rows: list[tables.Row]):
+    assert set(rows[0].iqm) == set(rows[0].differences) == {"net_rate", "cycle_time_s", "return"}
+    assert rows[0].iqm["net_rate"].value == pytest.approx(0.84)
+
+
+def test_a_learned_policy_is_compared_with_every_rule():
+    records = [{**record("plain", seed, 0.5, 9.0), "return": 5.0 + seed % 3} for seed in range(8)]
+    records += [{**record("swift", seed, 0.5, 9.0), "return": 6.0 - seed % 2} for seed in range(8)]
+    records += [{**record("learned", seed, 0.5, 9.0), "return": 7.0 + seed % 2} for seed in range(8)]
+    rows = {row.policy: row for row in tables.summarise(records, CASES)}
+    assert set(rows["learned"].over_rules) == {"plain", "swift"}
+    assert rows["learned"].over_rules["swift"].value == pytest.approx(2.0)
+    assert rows["swift"].over_rules == {}
+    told = "\n".join(tables.verdicts(rows.values()))
+    assert "learned is better than every rule in return" in told
+    assert "best return 7.500 by learned, no bound known" in told
+    worse = [{**each, "return": 5.0} if each["policy"] == "learned" and each["seed"] < 6 else each for each in records]
+    assert "learned is not better than every rule" in "\n".join(tables.verdicts(tables.summarise(worse, CASES)))
+
+
+def test_the_gap_of_the_best_policy_is_told():
+    records = [record("plain", seed, 0.5, 20.0) for seed in range(3)] + [record("swift", 0, 0.7, 20.0)]
+    bounds = [bound(seed, 0.8, 11.0, []) for seed in range(3)]
+    told = tables.verdicts(tables.summarise(records, CASES, bounds))
+    assert told[0].endswith("best net rate 70.00 % by swift, gap to the bound 10.00 points")
+
+
+def test_charged_thinking_is_marked_everywhere(tmp_path: Path):
+    rows = tables.summarise([thinking.charged(record("plain", seed, 0.5, 9.0)) for seed in range(3)], CASES)
+    assert rows[0].scores["cycle_time_s"].value == pytest.approx(9.0 * (1.0 + 0.018 / 90.0))
+    tables.write(rows, tmp_path, "charged")
+    assert "differs from run to run" in (tmp_path / "charged.md").read_text()
+    assert json.loads((tmp_path / "charged.json").read_text())[0]["charged"] is True
+    lines = list(csv.DictReader(io.StringIO((tmp_path / "charged.csv").read_text())))
+    assert {line["charged"] for line in lines} == {"1"}
+    assert "differs from run to run" in str(tables.terminal_tables(rows, 80)[0].title)
+
+
 def test_files_hold_the_same_figures(tmp_path: Path, rows: list[tables.Row]):
     paths = tables.write(rows, tmp_path)
     assert [path.name for path in paths] == ["summary.csv", "summary.md", "summary.json"]
@@ -128,6 +195,7 @@ def test_files_hold_the_same_figures(tmp_path: Path, rows: list[tables.Row]):
     markdown = (tmp_path / "summary.md").read_text()
     assert "| swift | 3 | 84.00 (" in markdown
     assert "| **plain** | 3 | 85.00 (" in markdown
+    assert "| Difference to the policy in bold |" in markdown and "| Gap to the bound |" not in markdown
 
 
 def test_markdown_tells_where_the_seconds_of_a_target_go():
@@ -159,8 +227,37 @@ def test_another_backend_keeps_its_own_cases_or_moves_the_others():
     )
 
 
+def test_fewer_seeds_are_the_suite_s_first_ones():
+    case = suites.suite("full").narrowed(episodes=3).cases[0]
+    assert case.seeds == tuple(range(suites.FULL_FIRST_SEED, suites.FULL_FIRST_SEED + 3))
+
+
+def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or_chosen_on():
+    from fieldgym.agents.portable import shipped
+    from fieldgym.envs import ENV_IDS, describe
+
+    cases = suites.suite("full").cases
+    seeds = set(range(suites.FULL_FIRST_SEED, suites.FULL_FIRST_SEED + suites.FULL_EPISODES))
+    for env_id in ENV_IDS:
+        by_backend = {case.condition.backend: case for case in cases if case.condition.env_id == env_id}
+        assert {case.condition.scenario for case in by_backend.values()} == {describe(env_id).headline_scenario}
+        assert {case.condition.perception for case in by_backend.values()} == {"model"}
+        assert set(by_backend["analytic"].seeds) == seeds and len(seeds) >= 200
+        assert by_backend["pybullet"].seeds == by_backend["analytic"].seeds[: suites.FULL_PYBULLET_EPISODES]
+    for env_id in ENV_IDS:
+        for scenario in describe(env_id).scenarios:
+            path = shipped(env_id, scenario)
+            if path is not None:
+                card = json.loads(path.with_suffix(".json").read_text())
+                low, high = card["chosen_on_seeds"]
+                assert not seeds & set(range(low, high + 1)), path
+    training = pytest.importorskip("fieldgym.agents.training", reason="needs Stable-Baselines3", exc_type=ImportError)
+    assert max(seeds) < training.HELD_OUT_SEEDS < training.TRAINING_SEEDS
+
+
 def test_suites_cover_every_environment_with_its_reference():
     from fieldgym.agents import policy_names
+    from fieldgym.agents.bounds import bounded_ids
     from fieldgym.envs import ENV_IDS, describe
 
     for name in suites.SUITES:
@@ -170,5 +267,9 @@ def test_suites_cover_every_environment_with_its_reference():
             assert case.reference in case.policies
             assert case.policies == policy_names(case.condition.env_id)
             assert case.condition.scenario in describe(case.condition.env_id).scenarios
+            assert case.bounded == (name != "quick" and case.condition.env_id in bounded_ids())
+            asked = [episode.policy for episode in case.episodes() if episode.seed == case.seeds[0]]
+            assert asked == [*case.policies, *([BOUND] if case.bounded else [])]
+            assert [e.seed for e in case.episodes() if e.timeline] == [case.seeds[0]] * len(case.policies)
     with pytest.raises(ValueError, match="no suite is called 'medium'"):
         suites.suite("medium")

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 import fieldgym
 from fieldgym.agents import policy_names
+from fieldgym.benchmark.record import untimed
 from fieldgym.scripts import cli, run
 from fieldgym.scripts.common import CommandError, chosen, environment_id
 
@@ -173,9 +174,7 @@ def test_benchmark_is_the_same_on_one_process_and_on_two(tmp_path: Path):
         assert result.returncode == 0, result.stderr
         assert "grams-per-second" in result.stdout
         lines = (tmp_path / str(jobs) / "quick" / "episodes.jsonl").read_text().splitlines()
-        timings = ("wall_s", "decision_s")
-        loaded = [{name: value for name, value in json.loads(line).items() if name not in timings} for line in lines]
-        return sorted(loaded, key=lambda record: (record["policy"], record["seed"]))
+        return sorted((untimed(json.loads(line)) for line in lines), key=lambda each: (each["policy"], each["seed"]))
 
     alone = records(1)
     assert len(alone) == 2 * len(policy_names("fieldgym/SafflowerPicking-v0"))
