@@ -15,7 +15,7 @@ EMPTY = Markup("")
 _VOID = {"br", "link", "meta", "circle", "line", "path", "rect", "polyline", "polygon"}
 
 
-def tag(name: str, *children: Any, **attributes: Any) -> Markup:
+def tag(name: str, /, *children: Any, **attributes: Any) -> Markup:
     """An element.
 
     Args:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,65 +15,38 @@ from numpy.typing import NDArray
 from ...agents import policy_names, reference_policy
 from ...envs import ENV_IDS, describe
 from ...envs.registry import TaskDescription
-from ..episode import Record
-from ..statistics import Difference, Estimate, mean, paired_difference
-from ..store import EPISODES, MANIFEST, ResultsError, condition, read
-from ..suites import Case, Condition
-from ..tables import Row, summarise
-from .timeline import Timeline, parse
+from ..limits import CURVE_SHARES, limits
+from ..record import Record, condition
+from ..statistics import Difference, mean, paired_difference
+from ..store import BOUNDS, EPISODES, MANIFEST, ResultsError, read
+from ..suites import BOUND, Case, Condition
+from ..summary import Row, summarise
+from .episodes import Curve, Timeline, chosen_timelines, mean_curve
 
 Array = NDArray[np.float64]
+Seeded = Mapping[int, float]
+"""A score of every episode by seed; NaN where there is none."""
+
+COMPARED = ("net_rate", "cycle_time_s", "return")
+"""Scores that are compared between backends."""
 
 
 @dataclass(frozen=True)
-class Curve:
-    """Mean net rate against time.
+class BoundWords:
+    """How a tier's bounds were found.
 
     Attributes:
-        time_s: (n,).
-        rate: (n,) mean over the episodes; one that has ended keeps its last value.
-        low: (n,) tenth percentile.
-        high: (n,) ninetieth percentile.
-        episodes: how many.
+        frontier: (n, 2) net rate and the shortest cycle time at it, at equal shares of each instance's largest net
+            rate, mean over the instances.
+        methods: in words.
+        proven: share of the instances whose bound is their optimum.
+        wall_s: mean seconds that a bound took.
     """
 
-    time_s: Array
-    rate: Array
-    low: Array
-    high: Array
-    episodes: int
-
-
-@dataclass(frozen=True)
-class Gap:
-    """How far from what no policy can beat.
-
-    Attributes:
-        net_rate: bound minus policy, with interval, paired by seed.
-        episode_return: the same of the return.
-    """
-
-    net_rate: Difference
-    episode_return: Difference
-
-
-@dataclass(frozen=True)
-class BoundSummary:
-    """Mean of the bounds of a tier's instances.
-
-    Attributes:
-        net_rate: largest net rate.
-        cycle_time_s: shortest cycle time at that net rate.
-        episode_return: largest return.
-        methods: how they were found, in words.
-        proven: share of the instances whose bound is the optimum.
-    """
-
-    net_rate: Estimate
-    cycle_time_s: Estimate
-    episode_return: Estimate
+    frontier: Array
     methods: tuple[str, ...]
     proven: float
+    wall_s: float
 
 
 @dataclass(frozen=True)
@@ -82,23 +55,23 @@ class Tier:
 
     Attributes:
         condition: what held.
-        rows: as ``tables.summarise`` gives them.
+        rows: as ``summary.summarise`` gives them, the bound's left out.
+        bound: the bound's row, None without.
+        bound_words: how it was found, None without.
         seeds: of the episodes.
-        values: net rate of every finished episode by policy, for the profile.
-        curves: by policy.
-        timelines: one episode a policy, of the same seed where there is one.
-        bound: of the instances, None without.
-        gaps: to the bound, by policy.
+        values: of ``COMPARED`` by policy, score and seed.
+        curves: net rate against time, by policy.
+        timelines: one episode a policy, all of the same seed.
     """
 
     condition: Condition
     rows: tuple[Row, ...]
+    bound: Row | None
+    bound_words: BoundWords | None
     seeds: tuple[int, ...]
-    values: Mapping[str, Array]
+    values: Mapping[str, Mapping[str, Seeded]]
     curves: Mapping[str, Curve]
     timelines: Mapping[str, Timeline]
-    bound: BoundSummary | None
-    gaps: Mapping[str, Gap]
 
     @property
     def reference(self) -> str:
@@ -111,9 +84,13 @@ class Tier:
         return tuple(row.policy for row in self.rows)
 
     @property
-    def episodes(self) -> int:
-        """Episodes of the policy that has most."""
-        return max(row.episodes for row in self.rows)
+    def all_rows(self) -> tuple[Row, ...]:
+        """The policies' rows and, last, the bound's."""
+        return self.rows if self.bound is None else (*self.rows, self.bound)
+
+    def row(self, policy: str) -> Row | None:
+        """The row of a policy; None when it did not run."""
+        return next((row for row in self.rows if row.policy == policy), None)
 
 
 @dataclass(frozen=True)
@@ -122,15 +99,11 @@ class Transfer:
 
     Attributes:
         policy: its name.
-        analytic: condition of the first.
-        pybullet: condition of the second.
         means: (analytic, PyBullet) of each score on the shared seeds.
         differences: of each score.
     """
 
     policy: str
-    analytic: Condition
-    pybullet: Condition
     means: Mapping[str, tuple[float, float]]
     differences: Mapping[str, Difference]
 
@@ -143,13 +116,15 @@ class Chapter:
         task: what it is.
         headline: the tier that the page is about.
         others: every other tier.
-        transfer: the headline scenario on both backends.
+        transfer: the headline scenario on both backends, a line a policy; empty when it ran on one.
+        compared: the two conditions of ``transfer``, analytic first.
     """
 
     task: TaskDescription
     headline: Tier
     others: tuple[Tier, ...]
     transfer: tuple[Transfer, ...]
+    compared: tuple[Condition, ...]
 
 
 @dataclass(frozen=True)
@@ -165,37 +140,35 @@ class Study:
     chapters: tuple[Chapter, ...]
 
 
-TRANSFERRED = ("net_rate", "cycle_time_s", "return")
-
-
 def load(folder: Path) -> Study:
     """Read ``folder``.
 
     Raises:
         ResultsError: there are no results in it; the message says what to do.
     """
-    path = folder / EPISODES
     try:
-        records = [record for record in read(path) if "error" not in record]
+        found = read(folder / EPISODES)
+        bounds = read(folder / BOUNDS) if (folder / BOUNDS).exists() else []
     except OSError:
         raise ResultsError(
             f"no results in {folder}: name a folder with {EPISODES} in it, or make one with fieldgym benchmark"
         ) from None
-    records = [record for record in records if record["env_id"] in ENV_IDS]
-    if not records:
-        raise ResultsError(f"{path} holds no finished episode: go on with fieldgym benchmark --resume")
     groups: dict[Condition, list[Record]] = {}
-    for record in records:
-        groups.setdefault(condition(record), []).append(record)
+    for record in found:
+        if "error" not in record and record["env_id"] in ENV_IDS:
+            groups.setdefault(condition(record), []).append(record)
+    if not groups:
+        raise ResultsError(f"{folder / EPISODES} holds no finished episode: go on with fieldgym benchmark --resume")
     cases = [_case(group, members) for group, members in groups.items()]
     rows: dict[Condition, list[Row]] = {}
-    for row in summarise(records, cases):
+    for row in summarise([record for members in groups.values() for record in members], cases, bounds):
         rows.setdefault(row.condition, []).append(row)
+    tiers = {group: _tier(group, members, rows[group], bounds) for group, members in groups.items()}
     chapters = []
     for env_id in ENV_IDS:
-        tiers = {group: groups[group] for group in groups if group.env_id == env_id}
-        if tiers:
-            chapters.append(_chapter(describe(env_id), tiers, rows))
+        own = [tier for group, tier in tiers.items() if group.env_id == env_id]
+        if own:
+            chapters.append(_chapter(describe(env_id), own))
     return Study(_manifest(folder), tuple(chapters))
 
 
@@ -215,154 +188,91 @@ def _case(group: Condition, members: Sequence[Record]) -> Case:
     return Case(group, tuple(policies), reference_policy(group.env_id), seeds)
 
 
-def _chapter(
-    task: TaskDescription, tiers: Mapping[Condition, list[Record]], rows: Mapping[Condition, list[Row]]
-) -> Chapter:
+def _chapter(task: TaskDescription, tiers: Sequence[Tier]) -> Chapter:
     """The headline is the headline scenario where most episodes were run, PyBullet first when they are as many."""
 
-    def rank(group: Condition) -> tuple[bool, int, bool]:
-        seeds = len({record["seed"] for record in tiers[group]})
-        return group.scenario == task.headline_scenario, seeds, group.backend == "pybullet"
+    def rank(tier: Tier) -> tuple[bool, int, bool]:
+        where = tier.condition
+        return where.scenario == task.headline_scenario, len(tier.seeds), where.backend == "pybullet"
+
+    def place(tier: Tier) -> tuple[bool, int, str]:
+        where = tier.condition
+        at = task.scenarios.index(where.scenario) if where.scenario in task.scenarios else len(task.scenarios)
+        return where.scenario != first.condition.scenario, at, str(where)
 
     first = max(tiers, key=rank)
-    order = sorted(
-        (group for group in tiers if group != first),
-        key=lambda group: (
-            group.scenario != first.scenario,
-            task.scenarios.index(group.scenario) if group.scenario in task.scenarios else len(task.scenarios),
-            str(group),
-        ),
-    )
-    return Chapter(
-        task=task,
-        headline=_tier(first, tiers[first], rows[first]),
-        others=tuple(_tier(group, tiers[group], rows[group]) for group in order),
-        transfer=_transfer(first.scenario, tiers, rows[first]),
-    )
+    others = sorted((tier for tier in tiers if tier is not first), key=place)
+    return Chapter(task, first, tuple(others), *_transfer(first, others))
 
 
-def _tier(group: Condition, members: Sequence[Record], rows: Sequence[Row]) -> Tier:
-    by_policy: dict[str, list[Record]] = {row.policy: [] for row in rows}
+def _tier(group: Condition, members: Sequence[Record], rows: Sequence[Row], bounds: Sequence[Record]) -> Tier:
+    policies = [row for row in rows if row.policy != BOUND]
+    by_policy: dict[str, list[Record]] = {row.policy: [] for row in policies}
     for record in members:
         by_policy[record["policy"]].append(record)
-    bounds = {int(record["seed"]): record["bound"] for record in members if isinstance(record.get("bound"), Mapping)}
-    curves = {name: curve for name, own in by_policy.items() if (curve := _curve(own)) is not None}
+    values = {
+        name: {score: {int(record["seed"]): _score(record, score) for record in own} for score in COMPARED}
+        for name, own in by_policy.items()
+    }
+    curves = {name: mean_curve(own) for name, own in by_policy.items()}
     return Tier(
         condition=group,
-        rows=tuple(rows),
+        rows=tuple(policies),
+        bound=next((row for row in rows if row.policy == BOUND), None),
+        bound_words=_bound_words([record for record in bounds if "error" not in record and condition(record) == group]),
         seeds=tuple(sorted({int(record["seed"]) for record in members})),
-        values={name: _finite([record["scorecard"].get("net_rate") for record in own]) for name, own in by_policy.items()},
-        curves=curves,
-        timelines=_timelines(by_policy),
-        bound=_bound_summary(bounds),
-        gaps={name: _gap(own, bounds) for name, own in by_policy.items()} if bounds else {},
+        values=values,
+        curves={name: curve for name, curve in curves.items() if curve is not None},
+        timelines=chosen_timelines(by_policy),
     )
-
-
-def _finite(values: Iterable[Any]) -> Array:
-    array = np.array([np.nan if value is None else float(value) for value in values], dtype=np.float64)
-    return array[np.isfinite(array)]
-
-
-def _curve(members: Sequence[Record], points: int = 97) -> Curve | None:
-    """Mean over the episodes that have a curve, on one grid of time."""
-    told = [(float(record["scorecard"]["duration_s"]), record["curve"]) for record in members if record.get("curve")]
-    if not told:
-        return None
-    time_s = np.linspace(0.0, max(duration for duration, _ in told), points)
-    rates = np.stack(
-        [np.interp(time_s, np.linspace(0.0, duration, len(curve)), np.array(curve)) for duration, curve in told]
-    )
-    low, high = np.percentile(rates, (10.0, 90.0), axis=0)
-    return Curve(time_s, rates.mean(axis=0), low, high, len(told))
-
-
-def _timelines(by_policy: Mapping[str, Sequence[Record]]) -> dict[str, Timeline]:
-    """Of every policy the timeline of the seed that most policies have one of."""
-    found = {
-        name: {
-            int(record["seed"]): timeline
-            for record in members
-            if (timeline := parse(name, int(record["seed"]), record.get("timeline"))) is not None
-        }
-        for name, members in by_policy.items()
-    }
-    seeds = sorted({seed for own in found.values() for seed in own})
-    if not seeds:
-        return {}
-    best = max(seeds, key=lambda seed: (sum(seed in own for own in found.values()), -seed))
-    return {name: own.get(best, next(iter(own.values()))) for name, own in found.items() if own}
-
-
-def _bound_summary(bounds: Mapping[int, Mapping[str, Any]]) -> BoundSummary | None:
-    if not bounds:
-        return None
-    values = list(bounds.values())
-    return BoundSummary(
-        net_rate=mean([_number(item.get("net_rate")) for item in values]),
-        cycle_time_s=mean([_number(item.get("cycle_time_s")) for item in values]),
-        episode_return=mean([_number(item.get("episode_return")) for item in values]),
-        methods=tuple(dict.fromkeys(str(item["method"]) for item in values if item.get("method"))),
-        proven=float(np.mean([bool(item.get("proven")) for item in values])),
-    )
-
-
-def _gap(members: Sequence[Record], bounds: Mapping[int, Mapping[str, Any]]) -> Gap:
-    shared = [record for record in members if int(record["seed"]) in bounds]
-
-    def difference(own: Sequence[Any], name: str) -> Difference:
-        best = [_number(bounds[int(record["seed"])].get(name)) for record in shared]
-        return paired_difference(best, [_number(value) for value in own])
-
-    return Gap(
-        net_rate=difference([record["scorecard"].get("net_rate") for record in shared], "net_rate"),
-        episode_return=difference([record["return"] for record in shared], "episode_return"),
-    )
-
-
-def _number(value: Any) -> float:
-    return math.nan if value is None else float(value)
-
-
-def _transfer(scenario: str, tiers: Mapping[Condition, list[Record]], rows: Sequence[Row]) -> tuple[Transfer, ...]:
-    """Every policy that ran on both backends; equal perception where there is one, else as each backend sees."""
-    here = [group for group in tiers if group.scenario == scenario]
-    pairs = [
-        (first, second)
-        for first in here
-        for second in here
-        if first.backend == "analytic" and second.backend == "pybullet"
-    ]
-    if not pairs:
-        return ()
-    first, second = max(pairs, key=lambda pair: (pair[0].perception == pair[1].perception, len(tiers[pair[1]])))
-    found = []
-    for row in rows:
-        own, other = (
-            {int(record["seed"]): record for record in tiers[group] if record["policy"] == row.policy}
-            for group in (first, second)
-        )
-        seeds = sorted(own.keys() & other.keys())
-        if not seeds:
-            continue
-        columns = {
-            name: tuple([_score(side[seed], name) for seed in seeds] for side in (own, other)) for name in TRANSFERRED
-        }
-        found.append(
-            Transfer(
-                policy=row.policy,
-                analytic=first,
-                pybullet=second,
-                means={name: (mean(a).value, mean(b).value) for name, (a, b) in columns.items()},
-                differences={name: paired_difference(b, a) for name, (a, b) in columns.items()},
-            )
-        )
-    return tuple(found)
 
 
 def _score(record: Record, name: str) -> float:
-    if name == "return":
-        return _number(record["return"])
-    if name == "cycle_time_s" and record["scorecard"].get("done") == 0.0:
+    value = record["return"] if name == "return" else record["scorecard"].get(name)
+    if value is None or (name == "cycle_time_s" and record["scorecard"].get("done") == 0.0):
         return math.nan  # without a finished target there is no cycle
-    return _number(record["scorecard"].get(name))
+    return float(value)
+
+
+def _bound_words(records: Sequence[Record]) -> BoundWords | None:
+    if not records:
+        return None
+    frontiers = [
+        [(share * limit.net_rate, limit.cycle_time_s(share * limit.net_rate)) for share in CURVE_SHARES]
+        for limit in limits(records).values()
+        if limit.net_rate is not None
+    ]
+    told = [record["bound"] for record in records]
+    return BoundWords(
+        frontier=np.mean(frontiers, axis=0) if frontiers else np.zeros((0, 2)),
+        methods=tuple(dict.fromkeys(str(item["method"]) for item in told if item.get("method"))),
+        proven=float(np.mean([bool(item.get("proven")) for item in told])),
+        wall_s=float(np.mean([float(record.get("wall_s", math.nan)) for record in records])),
+    )
+
+
+def _transfer(headline: Tier, others: Sequence[Tier]) -> tuple[tuple[Transfer, ...], tuple[Condition, ...]]:
+    """Every policy that ran on both backends; with equal perception where there is such a pair."""
+    tiers = [tier for tier in (headline, *others) if tier.condition.scenario == headline.condition.scenario]
+    pairs = [
+        (first, second)
+        for first in tiers
+        for second in tiers
+        if first.condition.backend == "analytic" and second.condition.backend == "pybullet"
+    ]
+    if not pairs:
+        return (), ()
+    first, second = max(
+        pairs, key=lambda pair: (pair[0].condition.perception == pair[1].condition.perception, len(pair[1].seeds))
+    )
+    found = []
+    for policy in headline.policies:
+        if policy in first.values and policy in second.values:
+            own, other = first.values[policy], second.values[policy]
+            seeds = sorted(own["net_rate"].keys() & other["net_rate"].keys())
+            columns = {name: [[side[name][seed] for seed in seeds] for side in (own, other)] for name in COMPARED}
+            if seeds:
+                means = {name: (mean(a).value, mean(b).value) for name, (a, b) in columns.items()}
+                differences = {name: paired_difference(b, a) for name, (a, b) in columns.items()}
+                found.append(Transfer(policy, means, differences))
+    return tuple(found), (first.condition, second.condition)

@@ -70,11 +70,10 @@ def policy_styles(groups: Iterable[Sequence[str]], references: Iterable[str]) ->
     return {name: styles[name] for name in meets}
 
 
-def phase_colours(phases: Sequence[str]) -> Mapping[str, str]:
-    """CSS colour of each phase: blue moves, orange works, violet sees, grey waits; a new phase takes a free colour."""
+def phase_kinds(phases: Sequence[str]) -> Mapping[str, str]:
+    """Kind of each phase, for ``var(--p-<kind>)``: blue moves, orange works, violet sees, grey waits.
+
+    A phase that is new here takes a kind that is free.
+    """
     free = [kind for kind in _PHASES if kind not in {_OF_PHASE.get(name) for name in phases}]
-    colours = {}
-    for name in phases:
-        kind = _OF_PHASE.get(name) or (free.pop(0) if free else "settle")
-        colours[name] = f"var(--p-{kind})"
-    return colours
+    return {name: _OF_PHASE.get(name) or (free.pop(0) if free else "settle") for name in phases}

@@ -1,0 +1,183 @@
+"""The benchmark as one self-contained HTML page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...agents import policy_names, reference_policy
+from ...envs import ENV_IDS
+from ..statistics import CONFIDENCE, FEWEST_PAIRS, RESAMPLES
+from . import sections
+from .markup import Markup, join, tag
+from .reader import Chapter, Study
+from .styles import Style, policy_styles
+
+HERE = Path(__file__).parent
+
+
+def render(study: Study, command: str) -> str:
+    """The page.
+
+    Args:
+        study: what to show.
+        command: how this page was made; printed at its foot.
+    """
+    styles = styles_of(study)
+    body = join(
+        [
+            _header(study),
+            tag("main", _glance(study, styles), [sections.chapter(item, styles) for item in study.chapters]),
+            _footer(study, command),
+        ]
+    )
+    script = Markup((HERE / "page.js").read_text(encoding="utf-8"))
+    head = join(
+        [
+            tag("meta", charset="utf-8"),
+            tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+            tag("meta", name="color-scheme", content="light dark"),
+            tag("title", "fieldgym benchmark"),
+            tag("style", Markup((HERE / "page.css").read_text(encoding="utf-8"))),
+        ]
+    )
+    return f"<!DOCTYPE html>\n{tag('html', tag('head', head), tag('body', body, tag('script', script)), lang='en')}\n"
+
+
+def styles_of(study: Study) -> dict[str, Style]:
+    """A style a policy, the same whatever part of the benchmark a folder holds."""
+    there = {
+        item.task.id: {name for tier in (item.headline, *item.others) for name in tier.policies}
+        for item in study.chapters
+    }
+    groups = []
+    for env_id in ENV_IDS:
+        known = policy_names(env_id)
+        groups.append([*known, *sorted(there.get(env_id, set()).difference(known))])
+    return policy_styles(groups, [reference_policy(env_id) for env_id in ENV_IDS])
+
+
+def _header(study: Study) -> Markup:
+    episodes = sum(
+        row.episodes for item in study.chapters for tier in (item.headline, *item.others) for row in tier.rows
+    )
+    policies = len({name for item in study.chapters for name in item.headline.policies})
+    links = [
+        tag("a", sections.name_of(item.task.id), href=f"#{sections.anchor(item.task.id)}") for item in study.chapters
+    ]
+    return tag(
+        "header",
+        tag("p", "fieldgym ", str(study.manifest.get("fieldgym", "")), _class="eyebrow"),
+        tag("h1", "Which target next?"),
+        tag(
+            "p",
+            "How good is a way of choosing the next target, and how far is it from the best possible? "
+            f"{policies} policies on {_count(len(study.chapters), 'task')} of agricultural parallel robots, "
+            f"{episodes:,} episodes. Equal seeds are equal fields with equal luck, so every comparison is paired.",
+            _class="lead",
+        ),
+        tag("nav", links, aria_label="Environments"),
+    )
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def _glance(study: Study, styles: Mapping[str, Style]) -> Markup:
+    """A line an environment."""
+    lines = [_glance_line(item, styles) for item in study.chapters]
+    shown = sections.TABLE[:2]
+    above = [tag("th", sections.broken(title), scope="colgroup", colspan=len(columns)) for title, columns in shown]
+    below = [tag("th", column.title, scope="col") for _, columns in shown for column in columns]
+    first = [tag("th", text, scope="col", rowspan=2) for text in ("task", "earns most")]
+    return tag(
+        "section",
+        tag("h2", "At a glance"),
+        tag(
+            "p",
+            "The policy with the largest mean return on each task's headline tier, beside the paper's own order and the bound "
+            "that no policy can pass.",
+            _class="about",
+        ),
+        tag(
+            "div",
+            tag(
+                "table",
+                tag("thead", tag("tr", first, above), tag("tr", below, _class="sub")),
+                tag("tbody", lines),
+            ),
+            _class="scroll tablebox glance",
+            tabindex="0",
+            role="region",
+            aria_label="Summary",
+        ),
+        id="glance",
+    )
+
+
+def _glance_line(item: Chapter, styles: Mapping[str, Style]) -> Markup:
+    tier = item.headline
+    row = sections.best(tier)
+    cells = [sections.cell(column, row) for _, columns in sections.TABLE[:2] for column in columns]
+    name = tag("a", sections.name_of(item.task.id), href=f"#{sections.anchor(item.task.id)}")
+    where = tag("small", f"{tier.condition.scenario}, {_count(len(tier.seeds), 'seed')}")
+    policy = tag("td", sections.swatch(styles[row.policy]), row.policy, _class="words")
+    return tag("tr", tag("th", name, where, scope="row"), policy, cells)
+
+
+def _footer(study: Study, command: str) -> Markup:
+    notes = (
+        ("Net rate", "the share of what was there that was done right, as each task's page defines it."),
+        ("Cycle time", "seconds from the end of one finished target to the end of the next, means of the episodes."),
+        (
+            "Intervals",
+            f"{100.0 * CONFIDENCE:.0f} % bootstrap intervals over episodes, {RESAMPLES} resamples, bias-corrected and "
+            "accelerated.",
+        ),
+        (
+            "Differences",
+            "paired by seed. n.s.: the interval holds 0, so there may be no difference. few: under "
+            f"{FEWEST_PAIRS} pairs, too few to tell.",
+        ),
+        (
+            "Bound",
+            "what no policy can pass on the same fields with the same luck, were everything known beforehand. Its figures "
+            "need not be reachable together.",
+        ),
+        (
+            "Interquartile mean",
+            "mean of the middle half of the episodes, so that a few lucky or hopeless ones count little.",
+        ),
+        (
+            "A decision's ms",
+            "wall time that the policy thinks; it is not part of the cycle time unless a table says so.",
+        ),
+    )
+    return tag(
+        "footer",
+        tag("h2", "How to read this"),
+        tag("dl", [[tag("dt", word), tag("dd", meaning)] for word, meaning in notes], _class="notes"),
+        tag("h2", "Where it comes from"),
+        tag("dl", [[tag("dt", word), tag("dd", text)] for word, text in stamp(study, command)], _class="stamp"),
+    )
+
+
+def stamp(study: Study, command: str) -> list[tuple[str, str]]:
+    """Version, seeds, machine, date and commands, each with its name; what is unknown is left out."""
+    manifest = study.manifest
+    packages: Any = manifest.get("packages") or {}
+    seeds = [seed for item in study.chapters for tier in (item.headline, *item.others) for seed in tier.seeds]
+    benchmark = manifest.get("command") or f"fieldgym benchmark --suite {manifest.get('suite', 'quick')}"
+    said = [
+        ("Version", f"fieldgym {manifest.get('fieldgym', 'unknown')}, source {manifest.get('source', 'unknown')}"),
+        ("Seeds", f"{min(seeds)} to {max(seeds)}"),
+        ("Machine", str(manifest.get("machine", ""))),
+        ("Run", str(manifest.get("started", "")).replace("T", " ")),
+        ("Python", str(manifest.get("python", ""))),
+        ("Packages", ", ".join(f"{name} {version}" for name, version in packages.items() if version)),
+        ("Results by", str(benchmark)),
+        ("Page by", command),
+    ]
+    return [(word, text) for word, text in said if text]

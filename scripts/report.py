@@ -1,0 +1,55 @@
+"""``fieldgym report``: the benchmark as one HTML page and a Markdown leaderboard."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldgym.scripts.common import CommandError, execute
+
+
+def main(
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="Folder that fieldgym benchmark wrote, as in results/full.")
+    ],
+    out: Annotated[Path, typer.Option(help="The page.")] = Path("results/report.html"),
+    leaderboard: Annotated[Path | None, typer.Option(help="Also write the leaderboard as Markdown.")] = None,
+) -> None:
+    """Write the benchmark's tables and charts as one page that needs nothing else, on any screen, light or dark.
+
+    Try:
+
+      fieldgym report results/full
+
+      fieldgym report results/full --out results/report.html --leaderboard docs/leaderboard.md
+    """
+    from fieldgym.benchmark import store
+    from fieldgym.benchmark.report import leaderboard as markdown
+    from fieldgym.benchmark.report import page, reader
+
+    words = ["fieldgym", "report", str(results), "--out", str(out)]
+    words += [] if leaderboard is None else ["--leaderboard", str(leaderboard)]
+    command = shlex.join(words)
+    try:
+        study = reader.load(results)
+    except store.ResultsError as error:
+        raise CommandError(str(error)) from None
+    texts = {out: page.render(study, command)}
+    if leaderboard is not None:
+        texts[leaderboard] = markdown.render(study, command)
+    for path, text in texts.items():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            store.write_atomically(path, text)
+        except OSError as error:
+            raise CommandError(f"cannot write {path} ({error.strerror}): choose another place") from None
+        typer.echo(f"Written: {path} ({len(text.encode()) / 1e6:.1f} MB)")
+
+
+if __name__ == "__main__":
+    app = typer.Typer(add_completion=False)
+    app.command()(main)
+    execute(app, "python scripts/report.py")
