@@ -49,8 +49,8 @@ class Camera:
     near_m: float = 0.05
     far_m: float = 8.0
 
-    def sees(self, centre: Array, radius_m: float, eye: Array, target: Array, up: Array) -> NDArray[np.bool_]:
-        """Which balls about ``centre`` (n, 3) may show in the picture taken from ``eye`` towards ``target``.
+    def sees(self, centre: Array, radius_m: Array | float, eye: Array, target: Array, up: Array) -> NDArray[np.bool_]:
+        """Which balls about ``centre`` (n, 3), radii (n,) or one radius, may show in the picture from ``eye`` to ``target``.
 
         A ball that misses the opening's pyramid never shows; one near an edge of the pyramid may be let through.
         """
