@@ -50,7 +50,7 @@ class Camera:
     far_m: float = 8.0
 
     def sees(self, centre: Array, radius_m: Array | float, eye: Array, target: Array, up: Array) -> NDArray[np.bool_]:
-        """Which balls about ``centre`` (n, 3), radii (n,) or one radius, may show in the picture from ``eye`` to ``target``.
+        """Which balls about ``centre`` (n, 3), radii (n,) or one for all, may show in the picture from ``eye``.
 
         A ball that misses the opening's pyramid never shows; one near an edge of the pyramid may be let through.
         """
