@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import fieldgym
-from fieldgym.scripts import benchmark, evaluate, prepare, reproduce, run, train
+from fieldgym.scripts import benchmark, evaluate, prepare, report, reproduce, run, train
 from fieldgym.scripts.common import execute
 
 app = typer.Typer(
@@ -20,6 +20,7 @@ app = typer.Typer(
 )
 app.command("run")(run.main)
 app.command("benchmark")(benchmark.main)
+app.command("report")(report.main)
 app.command("reproduce")(reproduce.main)
 app.command("train")(train.main)
 app.command("evaluate")(evaluate.main)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from .markup import EMPTY, Markup, join, tag
+from .markup import EMPTY, Markup, join, number, tag
 from .reader import Tier
 from .styles import Style
 from .svg import HALF, Axis, Box, Size, axis, chart, frame, marker, place_labels, points, series, text_width
@@ -46,6 +46,8 @@ def _pareto(tier: Tier, styles: Styles, spots: Mapping[str, Spot], size: Size) -
     shown = _without_outlier(spots)
     values = np.array(list(shown.values()))
     xs, ys = [*values[:, 2], *values[:, 3]], [*values[:, 4], *values[:, 5]]
+    taken: list[Box] = []
+    anchors: list[tuple[float, float, str]] = []
     frontier = None if tier.bound_words is None else tier.bound_words.frontier
     if frontier is not None and len(frontier):
         ys.append(100.0 * float(frontier[-1, 0]))
@@ -58,8 +60,9 @@ def _pareto(tier: Tier, styles: Styles, spots: Mapping[str, Spot], size: Size) -
     parts: list[Markup] = [frame(x, y, "cycle time, s  (shorter is better)", "net rate, %  (higher is better)")]
     clip = f"clip-{_slug(tier)}-{size.name}"
     if frontier is not None and len(frontier):
-        parts.append(_frontier(frontier, x, y, clip))
-    taken, anchors = [Box(x.start + 8.0, y.end + 4.0, text_width(BEYOND), 16.0)] if frontier is not None else [], []
+        box = _room_beyond(frontier, x, y)
+        parts.append(_frontier(frontier, x, y, clip, box))
+        taken += [] if box is None else [box]
     for policy, (cycle, rate, left, right, low, high) in shown.items():
         px, py = x(cycle), y(rate)
         style = styles[policy]
@@ -119,8 +122,18 @@ def _without_outlier(spots: Mapping[str, Spot]) -> dict[str, Spot]:
     return rest if far > 1.2 else dict(spots)
 
 
-def _frontier(frontier: np.ndarray, x: Axis, y: Axis, clip: str) -> Markup:
-    """The line that no policy crosses, and what lies beyond it."""
+def _room_beyond(frontier: np.ndarray, x: Axis, y: Axis) -> Box | None:
+    """Where a word fits beyond the bound: above its largest net rate, else left of its longest cycle."""
+    top, right = y(100.0 * float(frontier[-1, 0])), x(float(frontier[-1, 1]))
+    word = Box(x.start + 8.0, y.end + 4.0, text_width(BEYOND), 16.0)
+    if top - y.end > 22.0:
+        return word
+    fits = right - x.start > word.width + 16.0 and y(100.0 * float(frontier[-2, 0])) - top > 24.0
+    return Box(word.x, top + 5.0, word.width, word.height) if fits else None
+
+
+def _frontier(frontier: np.ndarray, x: Axis, y: Axis, clip: str, box: Box | None) -> Markup:
+    """The line that no policy crosses, and what lies beyond it; ``box`` is where a word about it has room."""
     rates, cycles = 100.0 * frontier[:, 0], frontier[:, 1]
     # A staircase: from each net rate on the cycle is at least so long, up to the largest net rate.
     line_x = [value for cycle in cycles for value in [x(float(cycle))] * 2] + [x.end]
@@ -130,7 +143,7 @@ def _frontier(frontier: np.ndarray, x: Axis, y: Axis, clip: str) -> Markup:
     drawn = [
         tag("path", _class="beyond", d=beyond, clip_path=f"url(#{clip})"),
         tag("path", _class="bound", d=points(line_x, line_y), clip_path=f"url(#{clip})"),
-        tag("text", BEYOND, _class="note", x=x.start + 8.0, y=y.end + 16.0),
+        tag("text", BEYOND, _class="note", x=box.x, y=box.y + 12.0) if box is not None else None,
     ]
     return series("bound", tip, drawn)
 
@@ -197,13 +210,12 @@ def _profile(tier: Tier, styles: Styles, values: Mapping[str, np.ndarray], size:
         if own is None:
             continue
         n = len(own)
-        steps_x = [
-            x.start,
-            *np.repeat([x(100.0 * float(value)) for value in own], 2),
-        ]
-        steps_y = [y(100.0), *(y(100.0 * (n - k) / n) for i in range(n) for k in (i, i + 1))]
         tip = f"{policy}\nhalf of its {n} episodes reach {100.0 * float(np.median(own)):.1f} %"
-        path, css = points(steps_x, steps_y), styles[policy].css
+        steps = (
+            f"H{number(x(100.0 * float(value)), 1)}V{number(y(100.0 * (n - i) / n), 1)}"
+            for i, value in enumerate(own, 1)
+        )
+        path, css = f"M{number(x.start, 1)} {number(y.end, 1)}" + "".join(steps), styles[policy].css
         line = tag("path", _class="curve", d=path, style=f"stroke:{css}")
         drawn.append(series(policy, tip, tag("path", _class="hit", d=path), line))
     return chart(

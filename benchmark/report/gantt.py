@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 FULL = (Size("wide", 1120.0, 0.0), Size("narrow", 350.0, 0.0))
 """Charts that take the whole width; their height follows from the number of policies."""
 ROW = 40.0
-NARROWEST = 1.5
-"""Pixels below which a stretch is not drawn by itself."""
+NARROWEST = 2.0
+"""Pixels below which stretches are not drawn one by one: where half of the time goes into shorter ones."""
 COLUMN = 6.0
 """Pixels of a column that stands for the stretches in it."""
 CLOSE_UP_DECISIONS = 160
@@ -144,8 +144,9 @@ def _episode(tier: Tier, size: Size) -> Markup:
 
 def _bars(timeline: Timeline, pixels_s: float, top: float, height: float) -> list[Markup]:
     """Every stretch of a phase; where they are too narrow to be seen, columns that hold the shares of their seconds."""
-    stretches = timeline.seconds[timeline.seconds > 1e-9] * pixels_s
-    if np.median(stretches) >= NARROWEST:
+    stretches = np.sort(timeline.seconds.ravel()) * pixels_s
+    usual = stretches[np.searchsorted(np.cumsum(stretches), 0.5 * stretches.sum())]
+    if usual >= NARROWEST:
         return stretches_of(timeline, pixels_s, top, height, timeline.duration_s)
     kinds, shares = phase_kinds(timeline.phases), binned(timeline, COLUMN / pixels_s)
     stacked = np.cumsum(shares, axis=1)

@@ -68,7 +68,7 @@ def _header(study: Study) -> Markup:
     ]
     return tag(
         "header",
-        tag("p", "fieldgym ", str(study.manifest.get("fieldgym", "")), _class="eyebrow"),
+        tag("p", f"fieldgym {study.manifest.get('fieldgym', '')} benchmark", _class="eyebrow"),
         tag("h1", "Which target next?"),
         tag(
             "p",
@@ -91,14 +91,14 @@ def _glance(study: Study, styles: Mapping[str, Style]) -> Markup:
     shown = sections.TABLE[:2]
     above = [tag("th", sections.broken(title), scope="colgroup", colspan=len(columns)) for title, columns in shown]
     below = [tag("th", column.title, scope="col") for _, columns in shown for column in columns]
-    first = [tag("th", text, scope="col", rowspan=2) for text in ("task", "earns most")]
+    first = [tag("th", text, scope="col", rowspan=2) for text in ("task", "largest return")]
     return tag(
         "section",
         tag("h2", "At a glance"),
         tag(
             "p",
-            "The policy with the largest mean return on each task's headline tier, beside the paper's own order and the bound "
-            "that no policy can pass.",
+            "The policy with the largest mean return on each task's headline tier, beside the paper's own order and "
+            "the bound that no policy can pass.",
             _class="about",
         ),
         tag(
@@ -123,14 +123,15 @@ def _glance_line(item: Chapter, styles: Mapping[str, Style]) -> Markup:
     cells = [sections.cell(column, row) for _, columns in sections.TABLE[:2] for column in columns]
     name = tag("a", sections.name_of(item.task.id), href=f"#{sections.anchor(item.task.id)}")
     where = tag("small", f"{tier.condition.scenario}, {_count(len(tier.seeds), 'seed')}")
+    phone = tag("small", row.policy, _class="phone")
     policy = tag("td", sections.swatch(styles[row.policy]), row.policy, _class="words")
-    return tag("tr", tag("th", name, where, scope="row"), policy, cells)
+    return tag("tr", tag("th", name, where, phone, scope="row"), policy, cells)
 
 
 def _footer(study: Study, command: str) -> Markup:
     notes = (
-        ("Net rate", "the share of what was there that was done right, as each task's page defines it."),
-        ("Cycle time", "seconds from the end of one finished target to the end of the next, means of the episodes."),
+        ("Net rate", "The share of what was there that was done right, as each task's page defines it."),
+        ("Cycle time", "Seconds from the end of one finished target to the end of the next, means of the episodes."),
         (
             "Intervals",
             f"{100.0 * CONFIDENCE:.0f} % bootstrap intervals over episodes, {RESAMPLES} resamples, bias-corrected and "
@@ -138,21 +139,21 @@ def _footer(study: Study, command: str) -> Markup:
         ),
         (
             "Differences",
-            "paired by seed. n.s.: the interval holds 0, so there may be no difference. few: under "
+            "Paired by seed. n.s.: the interval holds 0, so there may be no difference. few: under "
             f"{FEWEST_PAIRS} pairs, too few to tell.",
         ),
         (
             "Bound",
-            "what no policy can pass on the same fields with the same luck, were everything known beforehand. Its figures "
-            "need not be reachable together.",
+            "What no policy can pass on the same fields with the same luck, were everything known beforehand. Its "
+            "figures need not be reachable together.",
         ),
         (
             "Interquartile mean",
-            "mean of the middle half of the episodes, so that a few lucky or hopeless ones count little.",
+            "Mean of the middle half of the episodes, so that a few lucky or hopeless ones count little.",
         ),
         (
             "A decision's ms",
-            "wall time that the policy thinks; it is not part of the cycle time unless a table says so.",
+            "Wall time that the policy thinks; it is not part of the cycle time unless a table says so.",
         ),
     )
     return tag(
@@ -169,7 +170,6 @@ def stamp(study: Study, command: str) -> list[tuple[str, str]]:
     manifest = study.manifest
     packages: Any = manifest.get("packages") or {}
     seeds = [seed for item in study.chapters for tier in (item.headline, *item.others) for seed in tier.seeds]
-    benchmark = manifest.get("command") or f"fieldgym benchmark --suite {manifest.get('suite', 'quick')}"
     said = [
         ("Version", f"fieldgym {manifest.get('fieldgym', 'unknown')}, source {manifest.get('source', 'unknown')}"),
         ("Seeds", f"{min(seeds)} to {max(seeds)}"),
@@ -177,7 +177,8 @@ def stamp(study: Study, command: str) -> list[tuple[str, str]]:
         ("Run", str(manifest.get("started", "")).replace("T", " ")),
         ("Python", str(manifest.get("python", ""))),
         ("Packages", ", ".join(f"{name} {version}" for name, version in packages.items() if version)),
-        ("Results by", str(benchmark)),
+        ("Suite", str(manifest.get("suite", ""))),
+        ("Results by", str(manifest.get("command", ""))),
         ("Page by", command),
     ]
     return [(word, text) for word, text in said if text]

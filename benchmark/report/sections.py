@@ -10,6 +10,7 @@ from ..statistics import FEWEST_PAIRS, Difference, Estimate
 from ..suites import BOUND, Condition
 from ..summary import Row
 from ..tables import MARKDOWN, Column
+from ..thinking import CHARGED
 from . import charts, gantt
 from .markup import EMPTY, Markup, tag
 from .reader import Chapter, Tier, Transfer
@@ -30,6 +31,9 @@ TABLE = (
     ("decision", (Column("ms", "decision_ms", 1.0, 2),)),
 )
 """Columns of the table of an environment, in groups."""
+
+MINUS, NONE = "\u2212", "\u2013"
+"""A true minus sign, and what stands where there is no value."""
 
 BOUND_STYLE = Style("bound", "circle")
 
@@ -69,7 +73,12 @@ def chapter(item: Chapter, styles: dict[str, Style]) -> Markup:
             tag("span", f"After {task.paper}.", _class="quiet"),
             _class="about",
         ),
-        tag("p", tag("code", task.id), " · ", words(tier.condition), " · ", _episodes(tier), _class="quiet"),
+        tag(
+            "p",
+            tag("code", task.id),
+            " · " + " · ".join([words(tier.condition), _episodes(tier), *_charged(tier)]),
+            _class="quiet",
+        ),
         _verdict(tier),
         chips(tier, styles),
         table(tier, styles),
@@ -112,41 +121,64 @@ def _episodes(tier: Tier) -> str:
     return f"{len(tier.seeds)} paired episodes a policy, {seeds}"
 
 
+def _charged(tier: Tier) -> list[str]:
+    return [CHARGED] if any(row.charged for row in tier.rows) else []
+
+
 def _most(tier: Tier) -> int:
     return max(curve.episodes for curve in tier.curves.values()) if tier.curves else 0
 
 
 def _verdict(tier: Tier) -> Markup:
-    """The result in two sentences."""
+    """The result in a few sentences."""
     winner, reference = best(tier), tier.row(tier.reference)
     rate, cycle = (FIGURES[name].cell(winner)[0] for name in ("net_rate", "cycle_time_s"))
-    said: list[object] = [tag("b", winner.policy), f" earns most: {rate} % net rate at {cycle} s a target"]
+    said: list[object] = [tag("b", winner.policy), f" has the largest return: {rate} % net rate at {cycle} s a target"]
     if reference is None:
         said.append(". ")
     elif winner is reference:
         said.append(", and it is the paper's own order. ")
     else:
-        gained = [_difference(winner, name) for name in ("net_rate", "cycle_time_s")]
-        said.append(f", {gained[0]} and {gained[1]} against the paper's own order, {tier.reference}. ")
+        points, seconds, earned = (_difference(winner, name) for name in ("net_rate", "cycle_time_s", "return"))
+        said.append(f", {points} and {seconds} against the paper's own order, {tier.reference}; return {earned}. ")
     gap = winner.gaps.get("net_rate")
     if tier.bound is not None and gap is not None and math.isfinite(gap.value):
-        most = FIGURES["net_rate"].cell(tier.bound)[0]
-        left = f"{100.0 * abs(gap.value):.2f}"
+        most, left = FIGURES["net_rate"].cell(tier.bound)[0], f"{100.0 * abs(gap.value):.2f}"
         said.append(
             f"No policy can pass {most} %: "
-            + ("it is reached." if float(left) == 0.0 else f"at most {left} points are left.")
+            + ("it is reached. " if float(left) == 0.0 else f"at most {left} points are left. ")
         )
     else:
-        said.append("No bound is known for this tier.")
+        said.append("No bound is known for this tier. ")
+    said += [_learned(row) for row in tier.rows if row.over_rules]
     return tag("p", said, _class="verdict")
 
 
+def _learned(row: Row) -> Markup:
+    """Whether a learned policy is better than every rule."""
+    told = {rule: item for rule, item in row.over_rules.items() if math.isfinite(item.low)}
+    if not told:
+        return EMPTY
+    hardest = min(told, key=lambda rule: told[rule].low)
+    item = told[hardest]
+    better = all(other.significant and other.low > 0.0 for other in told.values())
+    says = "is better than every rule in return" if better else "is not better than every rule in return"
+    return Markup(
+        tag("b", row.policy)
+        + f" {says}, least over {hardest}: {minus(f'{item.value:+.3f} ({item.low:.3f} to {item.high:.3f})')}. "
+    )
+
+
 def _difference(row: Row, name: str) -> str:
-    scale, unit = (100.0, "points") if name == "net_rate" else (1.0, "s")
+    scale, digits, unit = {
+        "net_rate": (100.0, 2, "points"),
+        "cycle_time_s": (1.0, 2, "s"),
+        "return": (1.0, 3, ""),
+    }[name]
     item = row.differences.get(name)
     if item is None or not math.isfinite(item.value):
-        return f"an unknown number of {unit}"
-    return f"{minus(f'{round(scale * item.value, 2) + 0.0:+.2f}')} {unit}{doubt(item)}"
+        return f"unknown {unit}".rstrip()
+    return f"{minus(f'{round(scale * item.value, digits) + 0.0:+.{digits}f}')} {unit}".rstrip() + doubt(item)
 
 
 def doubt(item: Estimate) -> str:
@@ -186,14 +218,16 @@ def table(tier: Tier, styles: dict[str, Style], groups: Groups = TABLE) -> Marku
     """Policies in lines, scores in columns, intervals under values; columns that nobody has are left out."""
     shown = [(title, [column for column in columns if _has(tier, column)]) for title, columns in groups]
     shown = [(title, columns) for title, columns in shown if columns]
-    lines = [_line(tier, row, shown, styles) for row in tier.all_rows]
+    rows = [row for row in tier.all_rows if any(_told(column, row) for _, columns in shown for column in columns)]
+    lines = [_line(tier, row, shown, styles) for row in rows]
     above = [tag("th", broken(title), scope="colgroup", colspan=len(columns)) for title, columns in shown]
     below = [
         tag("th", column.title, scope="col", _class="first" if column is columns[0] else None)
         for _, columns in shown
         for column in columns
     ]
-    head = tag("tr", tag("th", "policy", scope="col", rowspan=2), above), tag("tr", below, _class="sub")
+    first = tag("th", "policy", scope="col", rowspan=2)
+    head = [tag("tr", first, above), tag("tr", below, _class="sub")] if len(groups) > 1 else tag("tr", first, below)
     return tag(
         "div",
         tag("table", tag("thead", head), tag("tbody", lines)),
@@ -205,7 +239,11 @@ def table(tier: Tier, styles: dict[str, Style], groups: Groups = TABLE) -> Marku
 
 
 def _has(tier: Tier, column: Column) -> bool:
-    return any(column.cell(row)[0] != "-" for row in tier.all_rows)
+    return any(_told(column, row) for row in tier.all_rows)
+
+
+def _told(column: Column, row: Row) -> bool:
+    return column.cell(row)[0] != "-"
 
 
 def _line(tier: Tier, row: Row, groups: Groups, styles: dict[str, Style]) -> Markup:
@@ -220,6 +258,7 @@ def _line(tier: Tier, row: Row, groups: Groups, styles: dict[str, Style]) -> Mar
         row.policy,
         tag("small", "paper's order") if row.policy == tier.reference else None,
         scope="row",
+        _class="named",
     )
     role = "limit" if row.policy == BOUND else None
     return tag("tr", name, cells, _class=role, data_policy=row.policy)
@@ -235,15 +274,15 @@ def _leader(rows: Sequence[Row], column: Column) -> str:
     """The policy whose value is best, where better is plain."""
     if column.kind != "mean" or column.name not in ("net_rate", "return"):
         return ""
-    there = [row for row in rows if column.cell(row)[0] != "-"]
+    there = [row for row in rows if _told(column, row)]
     return max(there, key=lambda row: row.scores[column.name].value).policy if there else ""
 
 
 def cell(column: Column, row: Row, leads: bool = False, first: bool = False) -> Markup:
-    """A score in a table: its value, under it the interval, before it what must be said of a difference that may be none."""
+    """A score in a table: its value, the interval under it, and before it what says that a difference may be none."""
     value, interval = column.cell(row)
     if value == "-":
-        return tag("td", tag("span", "–", _class="none"), _class="first" if first else None)
+        return tag("td", tag("span", NONE, _class="none"), _class="first" if first else None)
     mark = next((word for word in (" n.s.", " few") if interval.endswith(word)), "")
     return _td(value, interval.removesuffix(mark).replace(" .. ", " to "), mark.strip(), leads=leads, first=first)
 
@@ -264,7 +303,7 @@ def _td(
 
 def minus(text: str) -> str:
     """Numbers with a true minus sign."""
-    return text.replace("-", "−")
+    return text.replace("-", MINUS)
 
 
 def _more(tier: Tier, styles: dict[str, Style]) -> Markup:
@@ -276,13 +315,13 @@ def _more(tier: Tier, styles: dict[str, Style]) -> Markup:
     }
     parts = []
     for title, columns in MARKDOWN:
-        if title in titles and any(column.cell(row)[0] != "-" for column in columns for row in tier.rows):
-            parts += [tag("h4", titles[title]), table(tier, styles, [(titles[title].lower(), columns)])]
+        if title in titles and any(_told(column, row) for column in columns for row in tier.rows):
+            parts += [tag("h4", titles[title]), table(tier, styles, [(title, columns)])]
     told = tier.bound_words
     if told is not None:
         how = "; ".join(told.methods) or "not told"
         proven = f"{100.0 * told.proven:.0f} % of them are proven optima"
-        parts.append(tag("p", f"Bounds: {how}. {proven}; {told.wall_s:.2g} s each.", _class="quiet"))
+        parts.append(tag("p", f"Bounds: {how}. {proven}; {told.wall_s:.2g} s each.", _class="quiet after"))
     learned = [row for row in tier.rows if row.over_rules]
     if learned:
         parts += [tag("h4", "Learned policies against every rule, return"), _over_rules(learned)]
@@ -297,9 +336,11 @@ def _over_rules(rows: Sequence[Row]) -> Markup:
         for rule, item in row.over_rules.items():
             span = f"{item.low:+.3f} to {item.high:+.3f}" if math.isfinite(item.low) else ""
             cells = [_td(f"{item.value:+.3f}", span, _SHORT.get(doubt(item), ""))]
-            lines.append(tag("tr", tag("th", f"{row.policy} − {rule}", scope="row"), cells))
+            lines.append(tag("tr", tag("th", f"{row.policy} {MINUS} {rule}", scope="row"), cells))
     heads = [tag("th", text, scope="col") for text in ("pair", "difference in return")]
-    return tag("div", tag("table", tag("thead", tag("tr", heads)), tag("tbody", lines)), _class="scroll tablebox")
+    return tag(
+        "div", tag("table", tag("thead", tag("tr", heads)), tag("tbody", lines)), _class="scroll tablebox compact"
+    )
 
 
 def _figure(title: str, caption: str, drawing: Markup) -> Markup:
@@ -345,7 +386,7 @@ def _moved(move: Transfer) -> list[Markup]:
     for name, scale, digits in (("net_rate", 100.0, 2), ("cycle_time_s", 1.0, 3), ("return", 1.0, 3)):
         item = move.differences[name]
         if not math.isfinite(item.value):
-            cells.append(tag("td", "–"))
+            cells.append(tag("td", NONE))
             continue
         low, high = (f"{round(scale * end, digits) + 0.0:.{digits}f}" for end in (item.low, item.high))
         before, after = (f"{scale * value:.{digits}f}" for value in move.means[name])
@@ -392,8 +433,8 @@ def _episode(tier: Tier) -> Markup:
         tag(
             "p",
             tag("b", "Decision by decision"),
-            " The same episode from its start, to be scrolled sideways. A triangle ends a finished target, a cross one that"
-            " was damaged; point at a decision to read it.",
+            " The same episode from its start, to be scrolled sideways. A triangle ends a finished target, a cross one "
+            "that was damaged; point at a decision to read it.",
             _class="subcaption",
         ),
         gantt.close_up(tier),

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 HUES = ("blue", "green", "sky", "purple", "wine", "olive")
 """Variables ``--c-<name>`` that policies without a role of their own take turns in."""
 
-SHAPES = ("circle", "square", "diamond", "up", "down", "cross")
+SHAPES = ("right", "square", "diamond", "up", "down", "cross")
 ROLES = {"random": "grey", "learned": "orange", "bound": "bound"}
 
 _PHASES = {

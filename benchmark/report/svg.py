@@ -141,6 +141,8 @@ def _polygon(shape: str, x: float, y: float, r: float) -> str:
         corners = [(0.0, -1.25), (1.15, 0.85), (-1.15, 0.85)]
     elif shape == "down":
         corners = [(0.0, 1.25), (1.15, -0.85), (-1.15, -0.85)]
+    elif shape == "right":
+        corners = [(1.25, 0.0), (-0.85, 1.15), (-0.85, -1.15)]
     elif shape == "star":
         turns = [math.pi * (i / 5.0 - 0.5) for i in range(10)]
         corners = [
