@@ -41,6 +41,7 @@ def _transplanting() -> dict[str, Factory]:
 
 def _weeding() -> dict[str, Factory]:
     from . import weeding as rules
+    from .weeding_horizon import RecedingHorizon
 
     return {
         "random": lambda config, seed: RandomPolicy(seed),
@@ -49,19 +50,20 @@ def _weeding() -> dict[str, Factory]:
         "nearest": lambda config, seed: rules.Nearest(config),
         "shortest-dwell": lambda config, seed: rules.ShortestDwell(config),
         "kill-per-second": lambda config, seed: rules.KillPerSecond(config),
-        "receding-horizon": lambda config, seed: rules.RecedingHorizon(config),
+        "receding-horizon": lambda config, seed: RecedingHorizon(config),
     }
 
 
 def _weeding_speed() -> dict[str, Factory]:
     from . import weeding as rules
+    from .weeding_horizon import RecedingHorizon
 
     return {
         "random": lambda config, seed: RandomPolicy(seed),
-        "constant-0.75": lambda config, seed: rules.AtSpeed(rules.RecedingHorizon(config), 0.75),
-        "constant-1": lambda config, seed: rules.AtSpeed(rules.RecedingHorizon(config), 1.0),
-        "constant-1.5": lambda config, seed: rules.AtSpeed(rules.RecedingHorizon(config), 1.5),
-        "hold-backlog": lambda config, seed: rules.HoldBacklog(rules.RecedingHorizon(config)),
+        "constant-0.75": lambda config, seed: rules.AtSpeed(RecedingHorizon(config), 0.75),
+        "constant-1": lambda config, seed: rules.AtSpeed(RecedingHorizon(config), 1.0),
+        "constant-1.5": lambda config, seed: rules.AtSpeed(RecedingHorizon(config), 1.5),
+        "hold-backlog": lambda config, seed: rules.HoldBacklog(RecedingHorizon(config)),
     }
 
 

@@ -1,4 +1,4 @@
-"""Scripted rules for the laser weeder."""
+"""Scripted rules for weeding with any tool."""
 
 from __future__ import annotations
 
@@ -7,11 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envs.weeding.aim import LaserMachine
-from ..envs.weeding.config import DOSES, SPECIES, STAGES, WeedingConfig
-from ..envs.weeding.process import LaserProcess, chance_table, label_dose
-from ..envs.weeding.task import (
-    ACROSS_SCALE_M,
+from ..envs.weeding.features import (
     ALONG_SCALE_M,
     CANDIDATE_FEATURES,
     CROP_GAP_SCALE_M,
@@ -20,20 +16,23 @@ from ..envs.weeding.task import (
     TIME_SCALE_S,
     candidate_table,
 )
+from ..envs.weeding.rules import MODES
 from .policy import Actions, Observation, StatelessPolicy
+from .weeding_outlook import outlook
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
 _MACHINE = {name: i for i, name in enumerate(MACHINE_FEATURES)}
-_M = len(DOSES)
+_M = MODES
 
 
 class View(NamedTuple):
-    """What the rules read from an observation; B worlds, K candidates, M doses.
+    """What the rules read from an observation; B worlds, K candidates, M modes.
 
     Attributes:
+        table: (B, K, F), the candidates.
         legal: (B, K, M).
         chance: (B, K, M), expected probability of a kill.
         value: (B, K, M), expected reward of a shot but for the time.
@@ -43,6 +42,7 @@ class View(NamedTuple):
         work_s: (M,).
     """
 
+    table: Array
     legal: Flags
     chance: Array
     value: Array
@@ -52,39 +52,34 @@ class View(NamedTuple):
     work_s: Array
 
 
-class _WeedingPolicy(StatelessPolicy):
-    """Shared reading of observations."""
+class ScriptedWeeder(StatelessPolicy):
+    """Shared reading of observations.
 
-    def __init__(self, config: WeedingConfig):
-        """Tabulate chances and values by reported kind."""
-        self.config = config
-        process = LaserProcess(config.process)
-        self._work_s = process.work_s.sum(axis=1)
-        self._energy_j = process.energy_j
-        self._chance = chance_table(config.process)
-        kinds = [[label_dose(config.process, i, j) for j in range(len(STAGES))] for i in range(len(SPECIES))]
-        self._label = np.array(kinds)
-        self._wait = 3 * config.slots
+    Args:
+        config: the task's public numbers; they say which tool there is.
+    """
+
+    def __init__(self, config: Any):
+        """Take the tool's chances and times."""
+        self.config, self.outlook = config, outlook(config)
+        self.wait = _M * config.slots
 
     def read(self, observation: Observation) -> View:
         """Expected effects of every shot that the observation offers."""
+        tool, weights = self.outlook, self.config.weights
         table = candidate_table(observation).astype(np.float64)
         k = table.shape[1]
         legal = observation["action_mask"][:, : _M * k].reshape(len(table), k, _M) > 0
         species = (table[..., _COLUMN["grass"]] > 0.5).astype(np.int64)
         stage = table[..., _COLUMN["cotyledon"] : _COLUMN["four_leaf"] + 1].argmax(axis=-1)
-        chance = self._chance[species, stage]
-        weights, process = self.config.weights, self.config.process
-        gap = table[..., _COLUMN["crop_gap"]] * CROP_GAP_SCALE_M
-        width = process.spot_radius_m**2 + process.crop_heart_m**2
-        on_crop = self._energy_j * np.exp(-2.0 * gap * gap / width)[..., None]
-        harm = 1.0 / (1.0 + (process.crop_ed50_j / np.maximum(on_crop, 1e-9)) ** process.crop_slope)
-        value = weights.killed * chance + weights.crop * harm + weights.joules * self._energy_j
+        chance = tool.chance[species, stage]
+        harm = tool.harm(table[..., _COLUMN["crop_gap"]] * CROP_GAP_SCALE_M)
+        value = weights.killed * chance + weights.crop * harm + weights.joules * tool.energy_j
         reach_s = (table[..., _COLUMN["move"]] + table[..., _COLUMN["wait"]]) * TIME_SCALE_S
         # A shot that is expected to do more harm than good is not on the list of any rule.
         legal &= value > 0.0
-        time_s = reach_s[..., None] + self._work_s
-        return View(legal, chance, value, self._label[species, stage], time_s, reach_s, self._work_s)
+        time_s = reach_s[..., None] + tool.work_s
+        return View(table, legal, chance, value, tool.label[species, stage], time_s, reach_s, tool.work_s)
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
@@ -94,7 +89,7 @@ class _WeedingPolicy(StatelessPolicy):
         """Best of scored shots (B, K, M); wait where all are -inf."""
         flat = score.reshape(len(score), -1)
         best = flat.argmax(axis=1)
-        return np.where(flat[np.arange(len(flat)), best] > -np.inf, best, self._wait)
+        return np.where(flat[np.arange(len(flat)), best] > -np.inf, best, self.wait)
 
 
 def _only(legal: Flags, label: NDArray[np.int64]) -> Flags:
@@ -109,7 +104,7 @@ def _label_or_less(legal: Flags, label: NDArray[np.int64]) -> Flags:
     return able & (np.arange(_M) == highest[..., None])
 
 
-class Fifo(_WeedingPolicy):
+class Fifo(ScriptedWeeder):
     """In the order in which they came, whatever dose up to the label's there is still time for."""
 
     name = "fifo"
@@ -121,7 +116,7 @@ class Fifo(_WeedingPolicy):
         return self.fire(np.where(able, -np.arange(able.shape[1])[:, None], -np.inf))
 
 
-class EarliestDeadline(_WeedingPolicy):
+class EarliestDeadline(ScriptedWeeder):
     """The first to leave among those that can still get the dose that their kind calls for."""
 
     name = "edf"
@@ -133,7 +128,7 @@ class EarliestDeadline(_WeedingPolicy):
         return self.fire(np.where(able, -np.arange(able.shape[1])[:, None], -np.inf))
 
 
-class Nearest(_WeedingPolicy):
+class Nearest(ScriptedWeeder):
     """The one that is reached soonest, with the label's dose."""
 
     name = "nearest"
@@ -145,7 +140,7 @@ class Nearest(_WeedingPolicy):
         return self.fire(np.where(able, -view.reach_s[..., None], -np.inf))
 
 
-class ShortestDwell(_WeedingPolicy):
+class ShortestDwell(ScriptedWeeder):
     """The one that asks for the shortest burn, of those the one that is reached soonest."""
 
     name = "shortest-dwell"
@@ -157,7 +152,7 @@ class ShortestDwell(_WeedingPolicy):
         return self.fire(np.where(able, -1e3 * view.work_s - view.reach_s[..., None], -np.inf))
 
 
-class KillPerSecond(_WeedingPolicy):
+class KillPerSecond(ScriptedWeeder):
     """Shot and dose with the highest expected value a second."""
 
     name = "kill-per-second"
@@ -168,172 +163,10 @@ class KillPerSecond(_WeedingPolicy):
         return self.fire(np.where(view.legal, view.value / view.time_s, -np.inf))
 
 
-class _Beams(NamedTuple):
-    """Partial sequences, W a world; leading axes (B, W).
-
-    Attributes:
-        place: (B, W, 3), where the machine stands after the sequence, relative to the present cart.
-        clock: (B, W), seconds from now.
-        gained: (B, W), value so far.
-        used: (B, W, K), candidates that the sequence has treated.
-        first: (B, W), the action that it begins with, -1 for none.
-        last: (B, W), candidate that it ends at, K where it only waited.
-    """
-
-    place: Array
-    clock: Array
-    gained: Array
-    used: Flags
-    first: NDArray[np.int64]
-    last: NDArray[np.int64]
-
-
-class _Rest(NamedTuple):
-    """For the estimate of what comes after a sequence, (B, K) each and ``move_s`` (B, K + 1, K)."""
-
-    value: Array
-    service_s: Array
-    opens_s: Array
-    leaves_s: Array
-    move_s: Array
-    """From candidate to candidate; the last row begins at the machine's present place."""
-
-
-class RecedingHorizon(_WeedingPolicy):
-    """Beam search over the next shots; what comes after them is estimated by earliest deadline first.
-
-    Sequences of up to ``depth`` shots are grown over estimated windows and move times; the ``width`` best of each
-    depth are kept. A sequence is worth what its shots are expected to bring, plus what serving the other candidates
-    in the order of leaving, with their labels' doses, would still bring after it, less the time.
-    Waiting a moment is a sequence too. Only the first shot is fired.
-    """
-
-    name = "receding-horizon"
-
-    def __init__(self, config: WeedingConfig, depth: int = 4, width: int = 6):
-        """Take the machine's windows and move times from the configuration."""
-        super().__init__(config)
-        if depth < 1 or width < 1:
-            raise ValueError(f"depth = {depth} and width = {width}: give at least 1")
-        self._machine = LaserMachine(config.reach, config.cart.early_s)
-        self._depth, self._width = depth, width
-        # A second is charged at a quarter of what work without pause earns [assumed]: weeds that no camera has seen yet
-        # will want it. The same uncertainty makes the estimate keep one service in reserve before a weed leaves.
-        self._price = 0.25 * config.weights.killed / config.service_s
-        self._reserve_s = config.service_s
-
-    def act(self, observation: Observation) -> Actions:
-        """Actions (B,)."""
-        view = self.read(observation)
-        b, k = view.label.shape
-        table = candidate_table(observation).astype(np.float64)
-        present = table[..., _COLUMN["present"]] > 0.5
-        along = np.where(present, table[..., _COLUMN["along"]] * ALONG_SCALE_M, 1e3)
-        across = table[..., _COLUMN["across"]] * ACROSS_SCALE_M
-        machine = observation["machine"].astype(np.float64)
-        speed = np.maximum(machine[:, _MACHINE["speed"]] * SPEED_SCALE, 1e-3)
-        start = machine[:, None, :3] * self._machine.scale
-        rest = self._rest(view, present, along, across, speed, start)
-        zeros = np.zeros((b, 1))
-        beams = _Beams(start, zeros, zeros, ~present[:, None], np.full((b, 1), -1), np.full((b, 1), k))
-        moment = np.full((b, 1), self.config.cart.moment_s)
-        best = self._worth(beams._replace(clock=moment), rest)[:, 0]
-        action = np.full(b, self._wait)
-        for level in range(self._depth):
-            grown = self._grow(beams, view, along, across, speed, level == 0)
-            worth = np.where(np.isfinite(grown.gained), self._worth(grown, rest), -np.inf)
-            top = worth.argmax(axis=1)
-            rows = np.arange(b)
-            better = worth[rows, top] > best
-            best = np.where(better, worth[rows, top], best)
-            action = np.where(better, grown.first[rows, top], action)
-            if level + 1 < self._depth:
-                kept = np.argsort(-worth, axis=1, kind="stable")[:, : self._width]
-                beams = _Beams(*(_pick(part, kept) for part in grown))
-        return action
-
-    def _grow(self, beams: _Beams, view: View, along: Array, across: Array, speed: Array, first: bool) -> _Beams:
-        """Every sequence with one more shot, (B, W K M) of them; impossible ones have gained -inf."""
-        b, w, k = beams.used.shape
-        cart = speed[:, None] * beams.clock
-        flat = b * w
-
-        def spread(values: Array) -> Array:
-            return np.broadcast_to(values[:, None], (b, w, k)).reshape(flat, k)
-
-        found = self._machine.approach(
-            view.work_s,
-            beams.place.reshape(flat, 3),
-            cart.reshape(flat),
-            np.repeat(speed, w),
-            spread(along),
-            spread(across),
-        )
-        shape = (b, w, k, _M)
-        able = found.legal.reshape(shape) & ~beams.used[..., None] & (view.value > 0.0)[:, None]
-        if first:
-            # For the next shot the mask knows better than the estimate.
-            able &= view.legal[:, None]
-        clock = beams.clock[..., None, None] + (found.move_s + found.wait_s).reshape(shape) + view.work_s
-        gained = np.where(able, beams.gained[..., None, None] + view.value[:, None], -np.inf)
-        used = beams.used[:, :, None, None] | np.eye(k, dtype=bool)[:, None]
-        used = np.broadcast_to(used, (b, w, k, _M, k))
-        action = np.arange(k * _M).reshape(k, _M)
-        begun = np.where(beams.first[..., None, None] >= 0, beams.first[..., None, None], action)
-        n = w * k * _M
-        last = np.broadcast_to(np.arange(k)[:, None], (b, w, k, _M))
-        return _Beams(
-            found.beam.reshape(b, n, 3),
-            clock.reshape(b, n),
-            gained.reshape(b, n),
-            used.reshape(b, n, k),
-            begun.reshape(b, n),
-            last.reshape(b, n),
-        )
-
-    def _rest(self, view: View, present: Flags, along: Array, across: Array, speed: Array, start: Array) -> _Rest:
-        reach = self.config.reach
-        front = self._machine.front_m
-        rows, columns = np.ogrid[: len(along), : along.shape[1]]
-        value = np.where(present, np.maximum(view.value[rows, columns, view.label], 0.0), 0.0)
-        service = view.work_s[view.label]
-        # The lean takes a fixed share of the way along; while one weed is served the next comes nearer.
-        share = reach.lean_m / reach.front_m
-        lean = share * along
-        places = np.stack([along - lean, lean, across], axis=-1)
-        stroke = places[:, None] - np.concatenate([places, start], axis=1)[:, :, None]
-        passed = share * speed[:, None] * np.concatenate([service, np.zeros((len(along), 1))], axis=1)
-        stroke[..., 0] += passed[..., None]
-        stroke[..., 1] -= passed[..., None]
-        opens = (along - front) / speed[:, None]
-        leaves = (along + front) / speed[:, None] - self._reserve_s
-        return _Rest(value, service, opens, leaves, self._machine.move_time(stroke))
-
-    def _worth(self, beams: _Beams, rest: _Rest) -> Array:
-        """Value (B, W) of sequences with the rest served in the order of leaving where it still can be."""
-        clock, worth, last = beams.clock, beams.gained, beams.last
-        k = rest.value.shape[1]
-        flat = rest.move_s.transpose(2, 0, 1).reshape(k, -1)
-        row = (k + 1) * np.arange(len(clock))[:, None]
-        for j in range(k):
-            ready = np.maximum(clock + flat[j].take(row + last), rest.opens_s[:, j, None])
-            done = ready + rest.service_s[:, j, None]
-            served = ~beams.used[..., j] & (done <= rest.leaves_s[:, j, None]) & (rest.value[:, j, None] > 0.0)
-            clock = np.where(served, done, clock)
-            worth = worth + served * rest.value[:, j, None]
-            last = np.where(served, j, last)
-        return worth - self._price * clock
-
-
-def _pick(values: NDArray[Any], kept: NDArray[np.int64]) -> NDArray[Any]:
-    index = kept.reshape(*kept.shape, *(1,) * (values.ndim - 2))
-    return np.take_along_axis(values, index, axis=1)
-
-
 class AtSpeed:
     """Another rule's shots at a constant speed, a multiple of the scenario's own."""
 
-    def __init__(self, policy: _WeedingPolicy, factor: float):
+    def __init__(self, policy: ScriptedWeeder, factor: float):
         """Drive at ``factor`` times the scenario's speed, as near as the notches allow."""
         self.name = f"constant-{factor:g}"
         self._policy = policy
@@ -363,11 +196,11 @@ class HoldBacklog:
 
     name = "hold-backlog"
 
-    def __init__(self, policy: _WeedingPolicy, low: float = 0.75, high: float = 0.95):
+    def __init__(self, policy: ScriptedWeeder, low: float = 0.75, high: float = 0.95):
         """Hold the backlog between ``low`` and ``high``."""
         self._policy, self._low, self._high = policy, low, high
         self._block = 3 * policy.config.slots + 1
-        self._front = policy.config.reach.front_m
+        self._front = policy.outlook.arm.front_m
         self._move_s = policy.config.nominal_move_s
 
     def act(self, observation: Observation) -> Actions:

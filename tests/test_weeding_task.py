@@ -11,16 +11,19 @@ from hypothesis import strategies as st
 
 import fieldgym  # noqa: F401
 from fieldgym.agents import make_policy
-from fieldgym.envs.weeding.aim import LaserReach, approach, dwell_table, move_time, poses, spot
+from fieldgym.envs.weeding.aim import LaserArm, LaserReach, dwell_table, poses, spot
 from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel, ProcessConfig, WeedingConfig
 from fieldgym.envs.weeding.env import laser_core
 from fieldgym.envs.weeding.executor import AnalyticWeeder, check_reach
-from fieldgym.envs.weeding.process import LaserProcess, ed50_j, kill_probability, label_dose, overlap, tolerance_j
+from fieldgym.envs.weeding.process import Burn, ed50_j, kill_probability, label_dose, overlap, tolerance_j
+from fieldgym.envs.weeding.rules import NOTHING, WAIT, move_up_rows, way_of, ways_of
 from fieldgym.envs.weeding.scenario import PAD, draw_blocks, draw_plants, random_numbers
-from fieldgym.envs.weeding.task import NOTHING, WAIT, cart_way
+from fieldgym.envs.weeding.tool import approach, dose, move_time
 from fieldgym.motion import QUINTIC
 
 REACH = LaserReach()
+ARM = LaserArm.of(REACH, early_s=0.4)
+MIDDLE = np.zeros(3)
 
 
 def toy(weeds, kinds=None, crop_at=None, **changes):
@@ -30,23 +33,22 @@ def toy(weeds, kinds=None, crop_at=None, **changes):
     core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(0)])
     n = len(weeds)
     end = core.weeds_end
-    core.plant[0, :end], core.plant_tolerance[0] = 1e3, np.inf
-    core.plant[0, PAD : PAD + n] = weeds
-    core.plant_tolerance[0, PAD : PAD + n] = 20.0
+    core.state.plant[0, :end], core.state.plant_tolerance[0] = 1e3, np.inf
+    core.state.plant[0, PAD : PAD + n] = weeds
+    core.state.plant_tolerance[0, PAD : PAD + n] = 20.0
     if crop_at is not None:
-        core.plant[0, end + crop_at[0]] = crop_at[1]
-        core.plant_tolerance[0, end + crop_at[0]] = 15.0
-    core.weeds[0] = n
-    core.track_count[0], core.cursor[0] = n, 0
-    core.track_line[0], core.track_report[0], core.track_aim[0] = np.nan, 1e3, 1e3
+        core.state.plant[0, end + crop_at[0]] = crop_at[1]
+        core.state.plant_tolerance[0, end + crop_at[0]] = 15.0
+    core.state.weeds[0] = n
+    core.state.track_count[0], core.state.cursor[0] = n, 0
+    core.state.track_known_m[0], core.state.track_report[0], core.state.track_aim[0] = -1e3, 1e3, 1e3
     for i, place in enumerate(weeds):
-        core.track_report[0, i] = core.track_aim[0, i] = place
-        core.track_line[0, i] = place[0], -1e3
-        core.track_near[0, i, 0] = i
-        core.track_near[0, i, 1] = 1 if crop_at is None else crop_at[0]
-        core.track_real[0, i] = True
-    core.slot_track[0] = core.capacity
-    core._prepare()
+        core.state.track_report[0, i] = core.state.track_aim[0, i] = place
+        core.state.track_near[0, i, 0] = i
+        core.state.track_near[0, i, 1] = 1 if crop_at is None else crop_at[0]
+        core.state.track_real[0, i] = True
+    core.state.slot_track[0] = core.capacity
+    move_up_rows(core.tables, core.state, np.zeros(1, np.int64))
     return core
 
 
@@ -57,23 +59,23 @@ def act(core, action):
 
 def test_a_shot_takes_move_correction_and_burn_and_the_cart_drives_on():
     core = toy([(0.0, 0.1), (0.1, -0.1)])
-    cart, speed = float(core.cart[0]), core.config.speed_m_s
+    cart, speed = float(core.state.cart[0]), core.config.speed_m_s
     # Both weeds are 0.45 m and 0.55 m ahead of the cart; the window begins at 0.35 m.
-    assert core._legal[0, :6].sum() == 0
-    while not core._legal[0, 1]:
+    assert not any(core.option_legal(0, option) for option in range(6))
+    while not core.option_legal(0, 1):
         plan, result = act(core, 3 * core.config.slots)
         assert plan.kind[0] == WAIT and result.phases_s.sum() >= core.config.cart.moment_s - 1e-12
-    waited = float(core.totals[0, 0])
-    assert core.cart[0] == pytest.approx(cart + speed * waited, abs=1e-12)
+    waited = float(core.state.totals[0, 0])
+    assert core.state.cart[0] == pytest.approx(cart + speed * waited, abs=1e-12)
     plan, result = act(core, 1)
     move, wait, correct, burn, pause = result.phases_s[0]
     stroke = plan.target[0] - plan.start[0]
-    assert move == pytest.approx(float(move_time(REACH, stroke)), abs=1e-12)
+    assert move == pytest.approx(move_time(ARM, *stroke.tolist()), abs=1e-12)
     assert (correct, burn, pause) == (0.05, 75.0 / 200.0, 0.0)
     assert wait <= core.config.cart.early_s
     # The platform stands over ground, its lean meets the weed: at the end it is still within its travel.
     assert plan.target[0, 0] + plan.target[0, 1] == pytest.approx(0.0, abs=1e-12)
-    assert abs(plan.target[0, 0] - core.cart[0]) <= REACH.travel_m + 1e-9
+    assert abs(plan.target[0, 0] - core.state.cart[0]) <= REACH.travel_m + 1e-9
     # 75 J centred kill a tolerance of 20 J; reward terms by hand.
     elapsed = move + wait + 0.05 + 0.375
     assert result.rewards[0] == pytest.approx([1.0, 0.0, -0.05 * elapsed, -0.0005 * 75.0])
@@ -84,25 +86,27 @@ def test_a_shot_takes_move_correction_and_burn_and_the_cart_drives_on():
 
 def test_doses_add_up_and_miss_with_distance():
     core = toy([(0.0, 0.0)], process=replace(ProcessConfig(), dose_j=(12.0, 30.0, 200.0)))
-    while not core._legal[0, 0]:
+    while not core.option_legal(0, 0):
         act(core, 3 * core.config.slots)
-    core.track_aim[0, 0] = (0.002, 0.0)
+    core.state.track_aim[0, 0] = (0.002, 0.0)
     _, result = act(core, 0)
-    share = np.exp(-2.0 * 0.002**2 / (0.003**2 + core.config.process.meristem_m[int(core.plant_kind[0, PAD])] ** 2))
-    assert core.plant_dose[0, PAD] == pytest.approx(12.0 * share)
+    share = np.exp(
+        -2.0 * 0.002**2 / (0.003**2 + core.config.process.meristem_m[int(core.state.plant_kind[0, PAD])] ** 2)
+    )
+    assert core.state.plant_dose[0, PAD] == pytest.approx(12.0 * share)
     assert result.rewards[0, 0] == 0.0
     # What was shot at is off the list, whether it died or not.
-    assert core._legal[0, : 3 * core.config.slots].sum() == 0
+    assert not core.observe()["action_mask"][0, :-1].any()
 
 
 def test_a_crop_plant_beside_the_beam_dies():
     core = toy([(0.0, 0.0)], crop_at=(1, (0.004, 0.0)))
-    while not core._legal[0, 2]:
+    while not core.option_legal(0, 2):
         act(core, 3 * core.config.slots)
     _, result = act(core, 1)
     dose = 75.0 * np.exp(-2.0 * 0.004**2 / (0.003**2 + 0.006**2))
     assert dose > 15.0 and result.rewards[0, 1] == -5.0
-    assert core.totals[0, 2] == 1.0
+    assert core.state.totals[0, 2] == 1.0
 
 
 def test_weeds_that_nobody_shoots_leave_and_count_as_missed():
@@ -113,7 +117,7 @@ def test_weeds_that_nobody_shoots_leave_and_count_as_missed():
         over = bool(result.terminated[0])
     scores = dict(zip(core.score_names, core.scores()[0], strict=True))
     assert scores["missed"] == 3.0 and scores["net_rate"] == 0.0 and scores["shots"] == 0.0
-    assert core.cart[0] >= 7.9 + core.machine.front_m - 0.05
+    assert core.state.cart[0] >= 7.9 + core.machine.front_m - 0.05
 
 
 def test_an_illegal_shot_costs_time_and_nothing_else():
@@ -121,16 +125,16 @@ def test_an_illegal_shot_costs_time_and_nothing_else():
     plan, result = act(core, 7)
     assert plan.kind[0] == NOTHING and result.rewards[0, 0] == 0.0
     assert result.phases_s.sum() >= core.config.cart.illegal_s
-    assert core.totals[0, 3] == 1.0
+    assert core.state.totals[0, 3] == 1.0
 
 
 def test_slots_are_in_the_order_of_leaving_and_move_up():
     core = toy([(0.02 * i, 0.0) for i in range(30)], slots=4)
-    assert core.slot_track[0].tolist() == [0, 1, 2, 3]
-    while not core._legal[0, 3 * 1 + 0]:
+    assert core.state.slot_track[0].tolist() == [0, 1, 2, 3]
+    while not core.option_legal(0, 3 * 1 + 0):
         act(core, 12)
     act(core, 3)
-    assert core.slot_track[0].tolist() == [0, 2, 3, 4]
+    assert core.state.slot_track[0].tolist() == [0, 2, 3, 4]
 
 
 @settings(max_examples=60, deadline=None)
@@ -148,39 +152,20 @@ def test_everything_that_the_aim_may_command_is_within_the_mechanism():
 @settings(max_examples=40, deadline=None)
 @given(along=st.floats(-0.5, 0.6), across=st.floats(-0.22, 0.22), speed=st.floats(0.02, 0.3))
 def test_legal_shots_stay_within_the_travel_and_the_choice_of_the_lean_is_the_best(along, across, speed):
-    stand = np.array([0.2, 0.425, 1.05])
-    found = approach(
-        REACH,
-        stand,
-        np.array([[0.05, 0.0, 0.0]]),
-        np.zeros(1),
-        np.array([speed]),
-        np.array([[along]]),
-        np.array([[across]]),
-        0.4,
-    )
-    for mode in np.flatnonzero(found.legal[0, 0]):
-        place, lean, _ = found.beam[0, 0, mode]
-        start = place - speed * (found.move_s + found.wait_s)[0, 0, mode]
-        end = start - speed * stand[mode]
-        assert place + lean == pytest.approx(along, abs=1e-12)
-        assert start <= REACH.travel_m + 1e-9 and end >= -REACH.travel_m - 1e-9 and abs(lean) <= REACH.lean_m + 1e-12
-    if speed * stand[2] > 2.0 * REACH.travel_m:
-        assert not found.legal[0, 0, 2]
+    for stand in (0.2, 0.425, 1.05):
+        way = approach(ARM, stand, MIDDLE, 0.0, speed, along, across)
+        if way.legal:
+            start = way.carrier_m - speed * (way.move_s + way.wait_s)
+            end = start - speed * stand
+            assert way.carrier_m + way.lean_m == pytest.approx(along, abs=1e-12)
+            assert start <= REACH.travel_m + 1e-9 and end >= -REACH.travel_m - 1e-9
+            assert abs(way.lean_m) <= REACH.lean_m + 1e-12
+        assert not way.legal or speed * stand <= 2.0 * REACH.travel_m
 
 
 def test_the_lean_has_the_largest_smallest_margin_of_all():
     speed, stand, along = 0.1, 0.425, 0.12
-    found = approach(
-        REACH,
-        np.array([stand]),
-        np.zeros((1, 3)),
-        np.zeros(1),
-        np.array([speed]),
-        np.array([[along]]),
-        np.array([[0.0]]),
-        0.4,
-    )
+    way = approach(ARM, stand, MIDDLE, 0.0, speed, along, 0.0)
     middle = along - speed * (REACH.expected_move_s + 0.5 * stand)
     half = REACH.travel_m - 0.5 * speed * stand
 
@@ -188,7 +173,7 @@ def test_the_lean_has_the_largest_smallest_margin_of_all():
         return np.minimum(1.0 - np.abs(lean) / REACH.lean_m, 1.0 - np.abs(middle - lean) / half)
 
     grid = np.linspace(-REACH.lean_m, REACH.lean_m, 20001)
-    assert margin(found.beam[0, 0, 0, 1]) >= margin(grid).max() - 1e-12
+    assert margin(way.lean_m) >= margin(grid).max() - 1e-12
 
 
 def test_move_times_are_the_quintic_under_its_limits():
@@ -197,7 +182,7 @@ def test_move_times_are_the_quintic_under_its_limits():
         float(QUINTIC.duration(0.1, REACH.travel_velocity_m_s, REACH.travel_acceleration_m_s2)),
         float(QUINTIC.duration(0.2, REACH.lean_velocity_m_s, REACH.lean_acceleration_m_s2)),
     )
-    assert float(move_time(REACH, stroke)) == pytest.approx(by_hand)
+    assert move_time(ARM, *stroke.tolist()) == pytest.approx(by_hand)
 
 
 def test_dwell_table_by_hand():
@@ -206,16 +191,16 @@ def test_dwell_table_by_hand():
     assert (fast.residence_s, fast.longest_s) == pytest.approx((0.7 / 0.3, 1.0))
 
 
-def test_cart_way_against_summation():
-    speed = np.array([[0.1, 0.2], [0.2, 0.1], [0.1, 0.1]])
-    time = np.array([0.5, 0.1, 1.0])
-    way, last = cart_way(speed, 0.3, time)
-    for row in range(3):
-        steps = np.linspace(0.0, time[row], 20001)
-        change = np.clip(speed[row, 1] - speed[row, 0], -0.3 * steps, 0.3 * steps)
-        velocity = speed[row, 0] + change
-        assert way[row] == pytest.approx(float(np.sum((velocity[1:] + velocity[:-1]) / 2) * (steps[1])), rel=1e-6)
-        assert last[row] == pytest.approx(velocity[-1])
+@pytest.mark.parametrize(
+    ("before", "after", "time_s"), [(0.1, 0.2, 0.5), (0.2, 0.1, 0.1), (0.1, 0.1, 1.0), (0.05, 0.2, 0.2)]
+)
+def test_the_cart_s_way_against_summation(before, after, time_s):
+    way, last = way_of(before, after, 0.3, time_s)
+    steps = np.linspace(0.0, time_s, 20001)
+    velocity = before + np.clip(after - before, -0.3 * steps, 0.3 * steps)
+    assert way == pytest.approx(float(np.sum((velocity[1:] + velocity[:-1]) / 2) * steps[1]), rel=1e-6)
+    assert last == pytest.approx(velocity[-1])
+    assert ways_of(before, after, 0.3, steps)[-1] == way
 
 
 def test_the_published_dose_kills_95_percent():
@@ -232,13 +217,29 @@ def test_tolerances_have_the_logistic_as_their_distribution():
     assert died == pytest.approx(float(kill_probability(process, 40.0, 0, 1)), abs=1e-4)
 
 
-def test_overlap_falls_with_distance_and_process_agrees():
+def test_overlap_falls_with_distance_and_the_burn_agrees():
     assert overlap(0.003, 0.003, 0.0) == 1.0
-    laser = LaserProcess(ProcessConfig())
-    square = np.array([[0.0, 4e-6, 1e-4]])
-    dose = laser.dose(np.array([1]), square, np.zeros((1, 3), np.int64))
-    assert dose[0] == pytest.approx(75.0 * overlap(0.003, 0.0025, square[0]))
-    assert dose[0, 0] > dose[0, 1] > dose[0, 2]
+    burn = Burn.of(ProcessConfig())
+    doses = [dose(burn, 1, along, 0.0, 0) for along in (0.0, 0.002, 0.01)]
+    assert doses == pytest.approx(75.0 * overlap(0.003, 0.0025, np.square([0.0, 0.002, 0.01])))
+    assert doses[0] > doses[1] > doses[2]
+    for kind in range(4):
+        assert dose(burn, 2, 0.6 * burn.reach_m, 0.8 * burn.reach_m, kind) < 1e-6
+
+
+def test_a_shot_reaches_all_that_grows_there_and_nothing_else():
+    """Doses of one shot in a dense tuft against the formula over every plant of the field."""
+    rng = np.random.default_rng(4)
+    tuft = np.sort(rng.normal(0.0, 0.002, 12))
+    core = toy([(float(x), float(y)) for x, y in zip(tuft, rng.normal(0.0, 0.0015, 12), strict=True)])
+    while not core.option_legal(0, 3 * 5 + 2):
+        act(core, 3 * core.config.slots)
+    plan, _ = act(core, 3 * 5 + 2)
+    burn = Burn.of(core.config.process)
+    offset = core.state.plant[0] - plan.aim[0]
+    expected = [dose(burn, 2, *xy, kind) for xy, kind in zip(offset.tolist(), core.state.plant_kind[0], strict=True)]
+    assert np.count_nonzero(core.state.plant_dose[0] > 1.0) > 5
+    assert core.state.plant_dose[0] == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("tier", ["load-1.0", "load-1.0-even", "dense"])
@@ -264,8 +265,8 @@ def test_the_field_is_the_same_whatever_the_perception_and_the_worlds_beside():
     other = laser_core(WeedingConfig(), PerceptionModel.measured(), 3)
     first.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(7)])
     other.reset_rows(np.arange(3), [np.random.default_rng(seed) for seed in (5, 7, 9)])
-    assert np.array_equal(first.plant[0], other.plant[1])
-    assert np.array_equal(first.plant_tolerance[0], other.plant_tolerance[1])
+    assert np.array_equal(first.state.plant[0], other.state.plant[1])
+    assert np.array_equal(first.state.plant_tolerance[0], other.state.plant_tolerance[1])
 
 
 @pytest.mark.parametrize("scenario", sorted(SCENARIOS))
@@ -328,14 +329,14 @@ def test_speed_variant_changes_speed_by_notches_within_its_range():
     env.reset(seed=0)
     core = env.unwrapped.core
     wait, block = core.base_actions - 1, core.base_actions
-    before = float(core.set_speed[0])
+    before = float(core.state.set_speed[0])
     for _ in range(30):
         env.step(2 * block + wait)
-    assert core.set_speed[0] == pytest.approx(core.config.cart.speed_range_m_s[1])
+    assert core.state.set_speed[0] == pytest.approx(core.config.cart.speed_range_m_s[1])
     for _ in range(2):
         env.step(block + wait)
-    assert core.set_speed[0] == pytest.approx(core.config.cart.speed_range_m_s[1] - 0.04)
-    assert core.speed[0] > before
+    assert core.state.set_speed[0] == pytest.approx(core.config.cart.speed_range_m_s[1] - 0.04)
+    assert core.state.speed[0] > before
 
 
 @pytest.mark.parametrize(

@@ -27,15 +27,17 @@ slopes of opposite sign, so the largest minimum is where they are equal.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...motion import QUINTIC
+from ..compiled import compiled
 from ..core import Array
+from .tool import Approach, bind
 
 
 @dataclass(frozen=True)
@@ -72,17 +74,18 @@ class LaserReach:
         if self.platform_z_m <= 0.0:
             raise ValueError(f"gap_m = {self.gap_m} m leaves no room under a base at {self.base_height_m} m")
 
-    @cached_property
-    def by_velocity(self) -> Array:
-        """Seconds per metre (3,) of a quintic motion at its velocity limits; see ``QUINTIC.duration``."""
-        limits = self.travel_velocity_m_s, self.lean_velocity_m_s, self.lean_velocity_m_s
-        return QUINTIC.peak_velocity / np.array(limits)
+    @property
+    def paces(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Seconds per metre at the velocity limits and seconds squared per metre at the acceleration limits.
 
-    @cached_property
-    def by_acceleration(self) -> Array:
-        """Seconds squared per metre (3,) at its acceleration limits."""
-        limits = self.travel_acceleration_m_s2, self.lean_acceleration_m_s2, self.lean_acceleration_m_s2
-        return QUINTIC.peak_acceleration / np.array(limits)
+        Of the quintic motion of platform, lean along and lean across; see ``QUINTIC.paces``.
+        """
+        velocity = np.array([self.travel_velocity_m_s, self.lean_velocity_m_s, self.lean_velocity_m_s])
+        acceleration = np.array(
+            [self.travel_acceleration_m_s2, self.lean_acceleration_m_s2, self.lean_acceleration_m_s2]
+        )
+        pace, square = QUINTIC.paces(velocity, acceleration)
+        return tuple(pace.tolist()), tuple(square.tolist())
 
     @property
     def platform_z_m(self) -> float:
@@ -93,22 +96,6 @@ class LaserReach:
     def front_m(self) -> float:
         """Where the window begins: this far in front of the mechanism's middle; it ends as far behind it."""
         return self.travel_m + self.lean_m
-
-
-class Approach(NamedTuple):
-    """Ways to fire at candidates; shapes (..., K, M) for M standing times.
-
-    Attributes:
-        beam: (..., K, M, 3), platform over ground, lean along, lean across, metres.
-        move_s: duration of the motion there.
-        wait_s: how much longer it takes until the weed is within the window.
-        legal: whether it can be followed for the whole standing time.
-    """
-
-    beam: Array
-    move_s: Array
-    wait_s: Array
-    legal: NDArray[np.bool_]
 
 
 def poses(reach: LaserReach, beam: ArrayLike, cart_m: ArrayLike) -> Array:
@@ -137,83 +124,82 @@ def spot(reach: LaserReach, pose: ArrayLike, cart_m: ArrayLike) -> Array:
     return np.stack([along, gap * np.tan(p[..., 2]) / np.cos(p[..., 3])], axis=-1)
 
 
-class Pace(NamedTuple):
-    """What an approach needs to know of the cart's speed alone; shapes (B, 1, M), ``speed`` (B, 1, 1)."""
+class LaserArm(NamedTuple):
+    """The platform with its laser in the shape that kernels take (see ``Arm``).
 
-    speed: Array
-    able: NDArray[np.bool_]
-    """Whether the platform's travel lasts for the standing time."""
-    share: Array
-    """Share of the lean in the way."""
-    passed: Array
-    """Ground that passes until the middle of the work."""
-    stood: Array
-    """Ground that passes during the work."""
+    A place is the platform over ground and the beam's lean along and across.
 
-
-def pace_terms(reach: LaserReach, stand_s: Array, speed_m_s: Array) -> Pace:
-    """See ``Pace``; standing times (M,) and speeds (B,)."""
-    speed = speed_m_s[:, None, None]
-    half = reach.travel_m - (0.5 * stand_s) * speed
-    share = reach.lean_m / (np.maximum(half, 0.0) + reach.lean_m)
-    return Pace(speed, half >= 0.0, share, speed * (reach.expected_move_s + 0.5 * stand_s), speed * stand_s)
-
-
-def approach(
-    reach: LaserReach,
-    stand_s: Array,
-    beam: Array,
-    cart_m: Array,
-    speed_m_s: Array,
-    along_m: Array,
-    across_m: Array,
-    early_s: float,
-    pace: Pace | None = None,
-) -> Approach:
-    """How the machine would fire at candidates, for each standing time.
-
-    Args:
-        reach: ranges and limits.
-        stand_s: (M,) seconds that the platform has to stand over ground.
-        beam: (B, 3) where it stands now.
-        cart_m: (B,) cart position now.
-        speed_m_s: (B,) the cart's speed, > 0.
-        along_m: (B, K) targets in the world.
-        across_m: (B, K).
-        early_s: longest wait for a target that is not in the window yet.
-        pace: ``pace_terms`` of the standing times and speeds, where they are at hand.
+    Attributes:
+        front_m: see ``LaserReach``.
+        half_width_m: see ``LaserReach``.
+        scale: ranges of the place's coordinates.
+        travel_m: see ``LaserReach``; ``lean_m`` and ``expected_move_s`` alike.
+        lean_m: see ``travel_m``.
+        expected_move_s: see ``travel_m``.
+        early_s: longest wait for a target in front of the window.
+        pace_s_m: see ``LaserReach``.
+        square_pace_s2_m: see ``LaserReach``.
     """
-    speed, able, share, passed, stood = pace or pace_terms(reach, stand_s, speed_m_s)
-    cart = cart_m[:, None, None]
-    along = along_m[..., None]
-    middle = along - (cart + passed)
-    target = np.empty((*middle.shape, 3))
-    lean = np.minimum(np.maximum(middle * share, -reach.lean_m), reach.lean_m)
-    np.subtract(along, lean, out=target[..., 0])
-    target[..., 1] = lean
-    target[..., 2] = across_m[..., None]
-    move_s = move_time(reach, target - beam[:, None, None])
-    ahead = target[..., 0] - cart
-    wait_s = np.maximum((ahead - reach.travel_m) / speed - move_s, 0.0)
-    behind = ahead - speed * (move_s + wait_s) - stood
-    legal = (behind >= -reach.travel_m) & (wait_s <= early_s) & able
-    legal &= np.abs(target[..., 2]) <= reach.half_width_m
-    return Approach(target, move_s, wait_s, legal)
+
+    front_m: float
+    half_width_m: float
+    scale: tuple[float, float, float]
+    travel_m: float
+    lean_m: float
+    expected_move_s: float
+    early_s: float
+    pace_s_m: tuple[float, float, float]
+    square_pace_s2_m: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, reach: LaserReach, early_s: float) -> LaserArm:
+        """The numbers of a configuration."""
+        return cls(
+            float(reach.front_m),
+            float(reach.half_width_m),
+            (float(reach.travel_m), float(reach.lean_m), float(reach.half_width_m)),
+            float(reach.travel_m),
+            float(reach.lean_m),
+            float(reach.expected_move_s),
+            float(early_s),
+            *reach.paces,
+        )
 
 
-def move_time(reach: LaserReach, stroke: Array) -> Array:
-    """Seconds (...) of a motion by ``stroke`` (..., 3) in beam coordinates."""
-    way = np.abs(stroke)
-    times = np.maximum(way * reach.by_velocity, np.sqrt(way * reach.by_acceleration))
-    return np.maximum(np.maximum(times[..., 0], times[..., 1]), times[..., 2])
+@compiled
+def move_time(arm: LaserArm, carrier_m: float, lean_m: float, across_m: float) -> float:
+    """Seconds of a motion by a stroke of platform and leans: each keeps its own limits, the slowest sets the time."""
+    carrier, lean, across = abs(carrier_m), abs(lean_m), abs(across_m)
+    by_velocity = max(carrier * arm.pace_s_m[0], lean * arm.pace_s_m[1], across * arm.pace_s_m[2])
+    square_s2 = max(carrier * arm.square_pace_s2_m[0], lean * arm.square_pace_s2_m[1], across * arm.square_pace_s2_m[2])
+    return max(by_velocity, math.sqrt(square_s2))
 
 
-def ready_beam(reach: LaserReach, cart_m: Array) -> Array:
-    """Beam coordinates (B, 3) of the waiting machine: near the window's front edge, where the next weed comes in."""
-    beam = np.zeros((len(cart_m), 3))
-    beam[:, 0] = cart_m + 0.8 * reach.travel_m
-    beam[:, 1] = 0.8 * reach.lean_m
-    return beam
+@compiled
+def approach(
+    arm: LaserArm, stand_s: float, place: Array, cart_m: float, speed_m_s: float, along_m: float, across_m: float
+) -> Approach:
+    """How the machine would fire at one target; see ``tool.approach`` and the choice of the lean above."""
+    half = arm.travel_m - 0.5 * stand_s * speed_m_s
+    share = arm.lean_m / (max(half, 0.0) + arm.lean_m)
+    passed = speed_m_s * (arm.expected_move_s + 0.5 * stand_s)
+    lean = min(max((along_m - (cart_m + passed)) * share, -arm.lean_m), arm.lean_m)
+    carrier = along_m - lean
+    move_s = move_time(arm, carrier - place[0], lean - place[1], across_m - place[2])
+    ahead = carrier - cart_m
+    wait_s = max((ahead - arm.travel_m) / speed_m_s - move_s, 0.0)
+    behind = ahead - speed_m_s * (move_s + wait_s) - speed_m_s * stand_s
+    legal = half >= 0.0 and behind >= -arm.travel_m and wait_s <= arm.early_s and abs(across_m) <= arm.half_width_m
+    return Approach(carrier, lean, across_m, move_s, wait_s, legal)
+
+
+@compiled
+def ready(arm: LaserArm, cart_m: float) -> tuple[float, float, float]:
+    """Place of the waiting machine: near the window's front edge, where the next weed comes in."""
+    return cart_m + 0.8 * arm.travel_m, 0.8 * arm.lean_m, 0.0
+
+
+bind(LaserArm, approach, move_time, ready)
 
 
 class Dwell(NamedTuple):
@@ -232,47 +218,3 @@ def dwell_table(reach: LaserReach, speeds_m_s: ArrayLike) -> list[Dwell]:
         Dwell(float(v), 2.0 * reach.front_m / float(v), 2.0 * reach.travel_m / float(v))
         for v in np.atleast_1d(np.asarray(speeds_m_s, dtype=np.float64))
     ]
-
-
-class LaserMachine:
-    """The platform with its laser as a weeding machine (see ``WeedingMachine``); coordinates are beam coordinates."""
-
-    def __init__(self, reach: LaserReach, early_s: float):
-        """Take the ranges; ``early_s`` is the longest wait for a target in front of the window."""
-        self.reach, self._early_s = reach, early_s
-        self.front_m, self.half_width_m = reach.front_m, reach.half_width_m
-        self.scale = np.array([reach.travel_m, reach.lean_m, reach.half_width_m])
-        self._inverse_scale = 1.0 / self.scale
-        self._key = b""
-        self._pace: Pace | None = None
-
-    def ready(self, cart_m: Array) -> Array:
-        """See ``ready_beam``."""
-        return ready_beam(self.reach, cart_m)
-
-    def move_time(self, stroke: Array) -> Array:
-        """See ``move_time``."""
-        return move_time(self.reach, stroke)
-
-    def approach(
-        self, stand_s: Array, place: Array, cart_m: Array, speed_m_s: Array, along_m: Array, across_m: Array
-    ) -> Approach:
-        """See ``approach``."""
-        # A cart that keeps its speed keeps these terms: they are a fifth of the work.
-        key = stand_s.tobytes() + speed_m_s.tobytes()
-        if key != self._key:
-            self._key, self._pace = key, pace_terms(self.reach, stand_s, speed_m_s)
-        return approach(self.reach, stand_s, place, cart_m, speed_m_s, along_m, across_m, self._early_s, self._pace)
-
-    def corrected(self, place: Array, shift_m: Array) -> Array:
-        """The platform takes the correction along, the lean the one across."""
-        result = place.copy()
-        result[:, 0] += shift_m[:, 0]
-        result[:, 2] += shift_m[:, 1]
-        return result
-
-    def features(self, place: Array, cart_m: Array) -> Array:
-        """Platform in front of the cart's middle, lean along, lean across, each over its range."""
-        result = place * self._inverse_scale
-        result[:, 0] -= cart_m * self._inverse_scale[0]
-        return result

@@ -11,11 +11,12 @@ from gymnasium.vector import AutoresetMode
 from ..core import BACKENDS, PERCEPTIONS, choice
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv, batched_perception
-from .aim import LaserMachine
+from .aim import LaserArm
 from .config import SCENARIOS, PerceptionModel, WeedingConfig
 from .executor import AnalyticWeeder, PyBulletWeeder
 from .process import LaserProcess
-from .task import WeederOutcome, WeederPlan, WeedingCore
+from .rules import WeederPlan
+from .task import WeederOutcome, WeedingCore
 
 if TYPE_CHECKING:
     from .view import WeederView
@@ -83,7 +84,7 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
         choice("backend", backend, BACKENDS)
         perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
         core = laser_core(config, perception_model(perception))
-        executor = AnalyticWeeder() if backend == "analytic" else PyBulletWeeder(core)
+        executor = AnalyticWeeder() if backend == "analytic" else PyBulletWeeder(core, config)
         super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
 
     def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
@@ -149,8 +150,8 @@ class LaserWeedingSpeedVectorEnv(LaserWeedingVectorEnv):
 
 def laser_core(config: WeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
     """The weeding rules with the laser as their tool."""
-    machine = LaserMachine(config.reach, config.cart.early_s)
-    return WeedingCore(config, machine, LaserProcess(config.process), perception, worlds)
+    arm = LaserArm.of(config.reach, config.cart.early_s)
+    return WeedingCore(config, arm, LaserProcess(config.process), perception, worlds)
 
 
 def _make_view(core: WeedingCore, window: bool) -> WeederView:

@@ -10,7 +10,8 @@ from ...simulation.weeder_model import WeederParameters
 from ..core import Array, Rows
 from .aim import LaserReach, poses
 from .config import WeedingConfig
-from .task import WAIT, WeederOutcome, WeederPlan, WeedingCore, cart_way
+from .rules import WAIT, WeederPlan, ways_of
+from .task import WeederOutcome, WeedingCore
 
 _LOOK_EVERY = 6
 """Steps between two looks at the beam while it burns: forty a second."""
@@ -36,26 +37,26 @@ class PyBulletWeeder:
     Phases are cut to whole steps: a decision takes up to one step longer than its plan.
     """
 
-    def __init__(self, core: WeedingCore):
+    def __init__(self, core: WeedingCore, config: WeedingConfig):
         """Build the machine for the rules' single world."""
         if core.worlds != 1:
             raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
-        self._core = core
-        self._machine = WeederMachine(weeder_parameters(core.config))
+        self._core, self._config = core, config
+        self._machine = WeederMachine(weeder_parameters(config))
         self._dt = 1.0 / self._machine.parameters.physics_hz
         self.last_report: WeederReport | None = None
 
     def reset_rows(self, rows: Rows) -> None:
         """Put the machine where the rules say it stands, its cart driving already."""
         if len(rows):
-            core = self._core
-            cart = core.cart[:1]
-            pose = poses(core.config.reach, core.place[:1], cart)[0]
-            self._machine.reset(float(cart[0]), pose, float(core.speed[0]))
+            state = self._core.state
+            cart = state.cart[:1]
+            pose = poses(self._config.reach, state.place[:1], cart)[0]
+            self._machine.reset(float(cart[0]), pose, float(state.speed[0]))
 
     def execute(self, plan: WeederPlan) -> WeederOutcome:
         """Drive the motion, follow for the time of the work, and say where the beam was while it burned."""
-        config, dt = self._core.config, self._dt
+        config, dt = self._config, self._dt
         phases = plan.phases_s.copy()
         nominal_s = float(phases.sum())
         steps = max(int(np.ceil(nominal_s / dt - 1e-9)), 1)
@@ -93,7 +94,7 @@ def trajectory(config: WeedingConfig, plan: WeederPlan, phases_s: Array, time_s:
     The move is stretched over the wait for the weed's entering the window, so the machine arrives with it.
     """
     move_s = float(phases_s[0, 0] + phases_s[0, 1])
-    way, _ = cart_way(np.broadcast_to(plan.speed[:1], (len(time_s), 2)), config.cart.acceleration_m_s2, time_s)
+    way = ways_of(*plan.speed[0].tolist(), config.cart.acceleration_m_s2, time_s)
     share = QUINTIC.sample(time_s, 1.0, move_s).position
     start, target = plan.start[0], plan.target[0]
     return plan.cart[0] + way, start + share[:, None] * (target - start)

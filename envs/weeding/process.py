@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core import Array, Rows
+from ..compiled import compiled
+from ..core import Array
 from .config import DOSES, STAGES, ProcessConfig
+from .tool import bind
 
 EXPECTED_OVERLAP = 0.7
 """Share of a shot that reaches the growing point at an aim error of 1.5 mm an axis; for choosing doses only."""
@@ -48,6 +53,38 @@ def label_dose(process: ProcessConfig, species: int, stage: int) -> int:
     return int(enough[0]) if len(enough) else len(DOSES) - 1
 
 
+class Burn(NamedTuple):
+    """A shot in the shape that kernels take (see ``Work``).
+
+    Attributes:
+        energy_j: by dose level.
+        per_m2: by kind of plant, how the logarithm of the overlap falls with the squared offset, negative.
+        reach_m: where less than a billionth of a shot arrives.
+    """
+
+    energy_j: tuple[float, float, float]
+    per_m2: tuple[float, float, float, float]
+    reach_m: float
+
+    @classmethod
+    def of(cls, process: ProcessConfig) -> Burn:
+        """The numbers of a configuration."""
+        spot = process.spot_radius_m**2
+        square = [spot + radius**2 for radius in (*process.meristem_m, process.crop_heart_m)]
+        low, normal, high = map(float, process.dose_j)
+        a, b, c, d = (-2.0 / width for width in square)
+        return cls((low, normal, high), (a, b, c, d), math.sqrt(0.5 * max(square) * math.log(1e9)))
+
+
+@compiled
+def dose(work: Burn, mode: int, along_m: float, across_m: float, kind: int) -> float:
+    """Energy that reaches a growing point at an offset from the beam's middle; see ``overlap``."""
+    return work.energy_j[mode] * math.exp((along_m * along_m + across_m * across_m) * work.per_m2[kind])
+
+
+bind(Burn, dose)
+
+
 class LaserProcess:
     """The laser as a weeding process (see ``WeedingProcess``): a correction of the aim, then the burn."""
 
@@ -57,10 +94,9 @@ class LaserProcess:
     def __init__(self, config: ProcessConfig):
         """Tabulate by dose level."""
         self.config = config
-        self.energy_j = np.asarray(config.dose_j)
+        self.work = Burn.of(config)
+        self.energy_j = np.array(config.dose_j, float)
         self.work_s = np.column_stack([np.full(len(DOSES), config.correct_s), self.energy_j / config.power_w])
-        radius = np.array([*config.meristem_m, config.crop_heart_m])
-        self._falloff = -2.0 / (config.spot_radius_m**2 + radius * radius)
 
     def tolerance(self, species: NDArray[np.int64], stage: NDArray[np.int64], luck: Array) -> Array:
         """Dose (...) that kills each weed."""
@@ -69,10 +105,6 @@ class LaserProcess:
     def crop_tolerance(self, luck: Array) -> Array:
         """Dose (...) that kills each crop plant."""
         return self.config.crop_ed50_j * (luck / (1.0 - luck)) ** (1.0 / self.config.crop_slope)
-
-    def dose(self, mode: Rows, square_m2: Array, kind: NDArray[np.int64]) -> Array:
-        """Dose (B, W) that reaches the growing points of plants of a kind: a weed's stage, or 3 for a crop plant."""
-        return self.energy_j.take(mode)[:, None] * np.exp(square_m2 * self._falloff.take(kind))
 
 
 def chance_table(process: ProcessConfig) -> Array:

@@ -1,47 +1,76 @@
-"""What the weeding rules ask of a machine and of its process; the rules know nothing else about them."""
+"""What the weeding rules ask of a tool; they know nothing else about it.
+
+A tool is two sets of numbers, NamedTuples of plain floats and tuples: its *arm* and its *work* on plants. Four
+functions of them do the rest: ``approach``, ``move_time`` and ``ready`` of an arm, ``dose`` of a work. Each tool
+compiles its own and binds them to the types of its numbers with ``bind``; kernels that are handed these numbers then
+contain the tool's code. A tool's functions live in this folder: kept machine code is renewed when a file in it changes.
+
+An arm's *place* is three coordinates in which motions are rest to rest over ground: its carrier along the row (world
+metres), what the tool leans or reaches beyond it along the row, and the tool's place across. The tool works at
+(carrier + lean, across) while the cart drives on below a carrier that stands still over ground.
+"""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import Array, Rows
-from .aim import Approach
+from ..compiled import bind, by_kind
+from ..core import Array
+
+if TYPE_CHECKING:
+    from .config import CartConfig, RewardWeights, ScenarioConfig
+
+__all__ = ["Approach", "Arm", "FieldConfig", "WeedingProcess", "Work", "approach", "bind", "dose", "move_time", "ready"]
 
 
-class WeedingMachine(Protocol):
-    """Where a tool can work while the cart drives on, and how long it takes to get there.
+class Approach(NamedTuple):
+    """How the machine would work on one target in one mode.
 
-    The machine's place is a row of S coordinates in which motions are rest to rest over ground.
+    Attributes:
+        carrier_m: place of the arm during the work; ``lean_m`` and ``across_m`` alike.
+        lean_m: see ``carrier_m``.
+        across_m: see ``carrier_m``.
+        move_s: duration of the motion there.
+        wait_s: how much longer it takes until the target is within the window.
+        legal: whether it can be followed for the whole standing time.
     """
 
-    front_m: float
-    """The window begins this far in front of the machine's middle and ends as far behind it."""
-    half_width_m: float
-    """Reach to either side."""
+    carrier_m: float
+    lean_m: float
+    across_m: float
+    move_s: float
+    wait_s: float
+    legal: bool
 
-    def ready(self, cart_m: Array) -> Array:
-        """Coordinates (B, S) of the waiting machine at cart positions (B,)."""
+
+class Arm(Protocol):
+    """Numbers of a machine that every tool's arm has; all floats."""
+
+    @property
+    def front_m(self) -> float:
+        """The window begins this far in front of the machine's middle and ends as far behind it."""
         ...
 
-    def move_time(self, stroke: Array) -> Array:
-        """Seconds (...) of a motion by ``stroke`` (..., S)."""
+    @property
+    def half_width_m(self) -> float:
+        """Reach to either side."""
         ...
 
-    def approach(
-        self, stand_s: Array, place: Array, cart_m: Array, speed_m_s: Array, along_m: Array, across_m: Array
-    ) -> Approach:
-        """Ways to work on targets (B, K) for standing times (M,); see ``aim.approach``."""
+    @property
+    def scale(self) -> tuple[float, float, float]:
+        """What a place relative to the cart is divided by before policies are shown it."""
         ...
 
-    def corrected(self, place: Array, shift_m: Array) -> Array:
-        """Coordinates (B, S) after the tool camera has moved the aim by ``shift_m`` (B, 2)."""
-        ...
 
-    def features(self, place: Array, cart_m: Array) -> Array:
-        """Three numbers of order one (B, 3) that tell policies where the machine is: place, lean along, lean across."""
+class Work(Protocol):
+    """Numbers of a process that every tool's work on plants has."""
+
+    @property
+    def reach_m(self) -> float:
+        """Beyond this distance along the row the work does nothing."""
         ...
 
 
@@ -49,13 +78,18 @@ class WeedingProcess(Protocol):
     """What a tool does to plants. Doses add up; a plant dies when its sum reaches its tolerance."""
 
     @property
-    def modes(self) -> tuple[str, ...]:
+    def modes(self) -> tuple[str, str, str]:
         """Names of the three modes."""
         ...
 
     @property
     def phases(self) -> tuple[str, ...]:
         """Names of the phases on the target."""
+        ...
+
+    @property
+    def work(self) -> Any:
+        """Numbers for ``dose``; see ``Work``."""
         ...
 
     work_s: Array
@@ -71,9 +105,77 @@ class WeedingProcess(Protocol):
         """Dose (...) that kills each crop plant."""
         ...
 
-    def dose(self, mode: Rows, square_m2: Array, kind: NDArray[np.int64]) -> Array:
-        """Dose (B, W) on plants at squared distances ``square_m2`` (B, W) from the tool's work, modes (B,).
 
-        ``kind`` (B, W) is a weed's stage, or 3 for a crop plant.
-        """
+class FieldConfig(Protocol):
+    """What the rules read of a configuration; the tool's own numbers come with the tool."""
+
+    @property
+    def scenario(self) -> ScenarioConfig:
+        """The kind of field."""
         ...
+
+    @property
+    def cart(self) -> CartConfig:
+        """How the cart drives."""
+        ...
+
+    @property
+    def weights(self) -> RewardWeights:
+        """Of the reward's terms."""
+        ...
+
+    @property
+    def slots(self) -> int:
+        """Candidates shown at once."""
+        ...
+
+    @property
+    def speed_control(self) -> bool:
+        """Whether the action includes the cart's speed."""
+        ...
+
+    @property
+    def speed_m_s(self) -> float:
+        """The scenario's constant speed."""
+        ...
+
+    @property
+    def time_limit_s(self) -> float:
+        """Simulated seconds after which an episode is cut off."""
+        ...
+
+
+@by_kind
+def approach(
+    arm: Any, stand_s: float, place: Array, cart_m: float, speed_m_s: float, along_m: float, across_m: float
+) -> Approach:
+    """How the machine at ``place`` (3,) would work on a target.
+
+    Args:
+        arm: the arm's numbers.
+        stand_s: seconds that the tool has to stand over ground.
+        place: where the arm stands now.
+        cart_m: cart position now.
+        speed_m_s: the cart's speed, > 0.
+        along_m: the target in the world; ``across_m`` alike.
+        across_m: see ``along_m``.
+    """
+    raise NotImplementedError
+
+
+@by_kind
+def move_time(arm: Any, carrier_m: float, lean_m: float, across_m: float) -> float:
+    """Seconds of a motion by a stroke in the three coordinates."""
+    raise NotImplementedError
+
+
+@by_kind
+def ready(arm: Any, cart_m: float) -> tuple[float, float, float]:
+    """Place of the waiting machine at a cart position."""
+    raise NotImplementedError
+
+
+@by_kind
+def dose(work: Any, mode: int, along_m: float, across_m: float, kind: int) -> float:
+    """Dose on a plant at an offset from the tool's work; its kind is a weed's stage, or 3 for a crop plant."""
+    raise NotImplementedError

@@ -13,7 +13,8 @@ from ..core import Array, StepResult
 from .aim import poses
 from .executor import trajectory, weeder_parameters
 from .scene import WeederScene
-from .task import WAIT, WeederPlan, WeedingCore
+from .rules import WAIT, WeederPlan
+from .task import WeedingCore
 
 FRAME_EVERY_M = 0.06
 """The front camera takes a picture after this much way: six or seven of every weed."""
@@ -82,10 +83,10 @@ class WeederView:
             drift = DRIFT_SHARE * (2.0 * float(core.plant_look[0, -1]) - 1.0) * np.sqrt(3.0)
             self._front = FrontCamera(eyes, -core.config.cart.start_m, drift)
             self._listed = []
-        cart, front = float(core.cart[0]), self._front
+        cart, front = float(core.state.cart[0]), self._front
         front.drive(cart)
         tracks = front.tracker.tracks
-        reached = cart - float(core.speed[0]) * DELAY_S
+        reached = cart - float(core.state.speed[0]) * DELAY_S
         known = set(self._listed)
         # Once listed, a track keeps its place in the list.
         self._listed += [i for i, t in enumerate(tracks) if t.confirmed_m <= reached and i not in known]
@@ -106,8 +107,8 @@ class WeederView:
         option = action % core.base_actions
         if option == core.base_actions - 1 or not core.option_legal(0, option) or self._front is None:
             return
-        index = int(core.slot_track[0, option // 3])
-        told = core.track_report[0, index]
+        index = int(core.state.slot_track[0, option // 3])
+        told = core.state.track_report[0, index]
         aim = self.tool_aim(told)
         tracks = self._front.tracker.tracks
         tracks[self._listed[index]].treated = True
@@ -116,7 +117,7 @@ class WeederView:
         core.correct(0, index, aim)
         # A plant that fell apart in the front camera's pictures has several tracks: one shot is for all of them.
         n = len(self._listed)
-        same = np.hypot(*(core.track_report[0, :n] - aim).T) <= SAME_M
+        same = np.hypot(*(core.state.track_report[0, :n] - aim).T) <= SAME_M
         for i in np.flatnonzero(same).tolist():
             tracks[self._listed[i]].treated = True
 
@@ -138,7 +139,7 @@ class WeederView:
     def frame(self) -> NDArray[np.uint8]:
         """Picture of the present state."""
         core = self._core
-        return self._draw(float(core.cart[0]), core.place[0], False)
+        return self._draw(float(core.state.cart[0]), core.state.place[0], False)
 
     def frames(self, plan: WeederPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
         """Pictures of a decision at a steady rate; the beam is on while it burns."""
@@ -168,7 +169,7 @@ class WeederView:
         if self._loaded != self._identity():
             self.show_strip(self._stage)
             self._loaded, self._burnt = self._identity(), []
-        dead = core.plant_dose[0] >= core.plant_tolerance[0]
+        dead = core.state.plant_dose[0] >= core.state.plant_tolerance[0]
         exists, end = core.plant_exists[0, : core.weeds_end], core.weeds_end
         self._stage.set_dead(dead[:end][exists], dead[end:], self._burnt)
         pose = poses(core.config.reach, beam[None], np.array([cart_m]))[0]
@@ -192,15 +193,15 @@ class WeederView:
         killed = int(names["done"])
         text = f"killed {killed}   missed {max(passed - killed, 0)}   crop lost {int(names['damaged'])}"
         cv2.putText(picture, text, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (20, 20, 20), 2, cv2.LINE_AA)
-        share = names["net_rate"] * float(core.weeds[0]) / max(passed, killed, 1)
+        share = names["net_rate"] * float(core.state.weeds[0]) / max(passed, killed, 1)
         cv2.rectangle(picture, (12, 36), (212, 48), (150, 60, 50), -1)
         cv2.rectangle(picture, (12, 36), (12 + int(200 * min(share, 1.0)), 48), (70, 150, 60), -1)
         return picture
 
     def _behind(self) -> NDArray[np.bool_]:
         core = self._core
-        gone = core.plant[0, : core.weeds_end, 0] < core.cart[0] - core.machine.front_m
-        return gone | (core.plant_dose[0] >= core.plant_tolerance[0])[: core.weeds_end]
+        gone = core.state.plant[0, : core.weeds_end, 0] < core.state.cart[0] - core.machine.front_m
+        return gone | (core.state.plant_dose[0] >= core.state.plant_tolerance[0])[: core.weeds_end]
 
     def camera_scene(self) -> WeederScene:
         """The scene that both cameras look at; the machine is left out of it."""
@@ -213,11 +214,11 @@ class WeederView:
         core, end = self._core, self._core.weeds_end
         exists = core.plant_exists[0, :end]
         scene.load(
-            core.plant[0, :end][exists],
+            core.state.plant[0, :end][exists],
             core.plant_species[0, :end][exists],
-            core.plant_kind[0, :end][exists],
+            core.state.plant_kind[0, :end][exists],
             core.plant_look[0, :end][exists],
-            core.plant[0, end:],
+            core.state.plant[0, end:],
             int(1e6 * core.plant_look[0, -1]) % 1009,
         )
 
