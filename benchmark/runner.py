@@ -69,7 +69,7 @@ def usable_cores() -> int:
 def run_suite(
     suite: Suite,
     folder: Path,
-    jobs: int = 1,
+    jobs: int | None = 1,
     resume: bool = False,
     run: RunEpisode = run_episode,
     engine: str = "local",
@@ -83,7 +83,8 @@ def run_suite(
     Args:
         suite: what to run.
         folder: where results go, see ``Results``.
-        jobs: worker processes; with 1 the episodes run in this process. On a cluster, episodes at a time.
+        jobs: worker processes; with 1 the episodes run in this process. On a cluster, how many episodes are run at a
+            time. None for one a core, or one a CPU of the cluster.
         resume: keep the finished episodes that lie in ``folder``.
         run: what runs an episode.
         engine: one of ``ENGINES``: ``"local"``, or ``"ray"`` to spread the episodes over a Ray cluster.
@@ -96,7 +97,7 @@ def run_suite(
         EngineError: the cluster cannot be used.
         ValueError: ``jobs`` < 1, or there is no such engine.
     """
-    if jobs < 1:
+    if jobs is not None and jobs < 1:
         raise ValueError(f"jobs = {jobs}: give at least 1")
     if engine not in ENGINES:
         raise ValueError(f"engine = {engine!r}: choose one of {', '.join(ENGINES)}")
@@ -110,7 +111,7 @@ def run_suite(
         todo = [episode for episode in episodes if episode not in done]
         on_start(len(done), len(episodes))
         spread = _records if engine == "local" else cluster.run_on_ray
-        with closing(spread(todo, run, min(jobs, max(len(todo), 1)))) as records:
+        with closing(spread(todo, run, jobs)) as records:
             for record in records:
                 if "error" in record:
                     failures.append(record)
@@ -125,7 +126,8 @@ def run_suite(
     return Report(kept, bounds, failures, len(done), violations(kept, bounds))
 
 
-def _records(todo: Sequence[Episode], run: RunEpisode, jobs: int) -> Generator[Record, None, None]:
+def _records(todo: Sequence[Episode], run: RunEpisode, jobs: int | None) -> Generator[Record, None, None]:
+    jobs = min(jobs or usable_cores(), max(len(todo), 1))
     if jobs > 1:
         yield from _in_processes(todo, jobs, run)
     else:

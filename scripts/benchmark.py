@@ -63,13 +63,15 @@ def main(
 
     wanted = _suite(suite, env, policies, episodes, backend)
     chosen(engine, runner.ENGINES, "engine")
-    workers = runner.usable_cores() if jobs is None else at_least_one(jobs, "--jobs")
+    if jobs is not None:
+        at_least_one(jobs, "--jobs")
     console = _console()
     folder = out / wanted.name
     try:
-        with progress.ProgressDisplay(console, f"Suite {wanted.name}, {workers} at a time") as display:
+        workers = f"{jobs or runner.usable_cores()} at a time" if engine == "local" else "on the cluster"
+        with progress.ProgressDisplay(console, f"Suite {wanted.name}, {workers}") as display:
             report = runner.run_suite(
-                wanted, folder, workers, resume, engine=engine, on_start=display.start, on_record=display.record
+                wanted, folder, jobs, resume, engine=engine, on_start=display.start, on_record=display.record
             )
         rows = tables.summarise(report.records, wanted.cases, report.bounds)
         written = tables.write(rows, folder)
