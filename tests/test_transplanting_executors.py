@@ -117,6 +117,28 @@ def test_pictures_follow_the_plug():
     env.close()
 
 
+@pytest.mark.parametrize("before", [0, 2])
+def test_a_recording_begins_where_its_first_decision_begins(before):
+    """Nothing was drawn until the recording began; a picture taken before the decision says what has to be seen."""
+    pytest.importorskip("cv2")
+    first: list[np.ndarray] = []
+    for drawn in (True, False):
+        env: Any = gym.make(
+            ID, config=one_tray("fill"), perception="perfect", backend="analytic", render_mode="rgb_array"
+        )
+        env.reset(seed=1)
+        for _ in range(before):
+            env.step(int(np.flatnonzero(env.get_wrapper_attr("action_masks")())[0]))
+        if drawn:
+            first.append(env.render())
+        pictures: list[np.ndarray] = []
+        env.unwrapped.record(pictures.append, 0.2)
+        env.step(int(np.flatnonzero(env.get_wrapper_attr("action_masks")())[0]))
+        first.append(pictures[0])
+        env.close()
+    assert np.array_equal(first[0], first[1]) and np.array_equal(first[1], first[2])
+
+
 def test_confusion_matrices_that_ship_are_measured_and_better_than_guessing():
     model = PerceptionModel.measured()
     for matrix in (model.source, model.target):

@@ -277,7 +277,9 @@ def test_out_and_back_rates_over_the_full_gate(motion, radius_m, published):
     assert second["travel"] == core.motions.approach_s[0, 3, 0] < back
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize(
+    "motion", [pytest.param(name, marks=[pytest.mark.slow] * (name == "time-optimal")) for name in MOTIONS]
+)
 def test_tables_hold_the_gates_themselves(motion):
     machine = MachineConfig(motion=motion)
     source, target = Tray(2, 2, 0.07), Tray(2, 2, 0.09)

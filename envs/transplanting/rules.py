@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..compiled import compiled
 from ..core import Array, StepResult
 from .config import DAMAGED, EMPTY, HEALTHY, POOR, SPEEDS
-from .features import CANDIDATE_FEATURES, MACHINE_FEATURES
+from .features import CANDIDATE_FEATURES, MACHINE_FEATURES, MOVE_SCALE_S
 from .scenario import LUCKS, Cells
 
 INDEX_SOURCE, INDEX_TARGET, NOTHING, FINISH = 3, 4, 5, 6
@@ -35,19 +35,13 @@ class Tables(NamedTuple):
     """What the rules look up; the same in every world. P places and K pairs as in ``Motions``.
 
     Attributes:
-        approach_s: (2, P, K), seconds from a place to a pair's source cell, straight and by way of the chute.
-        approach_m: (2, P, K), path length of that.
-        carry_s: (3, K), seconds from source to target, by speed.
-        carry_m: (3, K), path length of that.
-        rise_s: (P,), seconds from a place to above it.
-        rise_m: (P,), path length of that.
-        source_s: (source rows + 1,), seconds of the source conveyor's move away from each row.
-        target_s: (target rows + 1,), the same of the target conveyor; the last one counts for worlds that are over.
+        approach: (2, P, K, 2), seconds and metres from a place to a pair's source cell: straight, by way of the chute.
+        carry: (3, K, 2), seconds and metres from source to target, by speed.
+        rise: (P, 2), seconds and metres from a place to above it.
+        row_s: (2, rows), seconds that the source and the target conveyor take to move on from each row.
         pair_feature: (K, F), a possible pair's columns that do not depend on where the tool is.
-        approach_feature: (2, P, K), ``approach_s`` as it is shown.
         place_feature: (P, 2), what is shown of the tool's place.
-        lose: (3,), chance to lose a gripped plug on the way, by speed.
-        damage: (3,), chance that a plug arrives damaged, by speed.
+        chances: (3, 2), chance to lose a gripped plug on the way and that it arrives damaged, by speed.
         weights: (3,), of the reward's terms.
         extraction: chance that a plug leaves its cell whole.
         reach_m: a gripper farther than this from a cell's middle misses it.
@@ -58,19 +52,13 @@ class Tables(NamedTuple):
         from_outside: whether reports come from cameras, after each move of a conveyor.
     """
 
-    approach_s: Array
-    approach_m: Array
-    carry_s: Array
-    carry_m: Array
-    rise_s: Array
-    rise_m: Array
-    source_s: Array
-    target_s: Array
+    approach: Array
+    carry: Array
+    rise: Array
+    row_s: Array
     pair_feature: NDArray[np.float32]
-    approach_feature: NDArray[np.float32]
     place_feature: NDArray[np.float32]
-    lose: Array
-    damage: Array
+    chances: Array
     weights: Array
     extraction: float
     reach_m: float
@@ -115,6 +103,7 @@ class TransplantPlan(NamedTuple):
     Attributes:
         kind: (B,), speed index, ``INDEX_SOURCE``, ``INDEX_TARGET``, ``NOTHING`` or ``FINISH``.
         pair: (B,), source column times the target row's columns plus target column; 0 when none.
+        held: (B, 2), what the pair's source and target cell hold before the decision; ``EMPTY`` when there is no pair.
         clears: (B,), whether the target cell's seedling goes to the chute first.
         grips: (B,), whether the gripper's sensor will find a plug between the needles; without one the tool stays at
             the source cell.
@@ -126,6 +115,7 @@ class TransplantPlan(NamedTuple):
 
     kind: NDArray[np.int64]
     pair: NDArray[np.int64]
+    held: Cells
     clears: NDArray[np.bool_]
     grips: NDArray[np.bool_]
     start: NDArray[np.int64]
@@ -138,7 +128,7 @@ class TransplantPlan(NamedTuple):
 def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> TransplantPlan:
     """Turn actions (B,) into motions and nominal phase times."""
     count = actions.size
-    kind, pair = np.empty(count, np.int64), np.empty(count, np.int64)
+    kind, pair, held = np.empty(count, np.int64), np.empty(count, np.int64), np.zeros((count, 2), np.int8)
     clears, grips = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     start, end = worlds.place.copy(), worlds.place.copy()
     phases_s, travel_m = np.zeros((count, WAIT + 1)), np.zeros(count)
@@ -146,19 +136,19 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> T
         what, chosen = kind_of(worlds, w, actions[w])
         kind[w], pair[w] = what, chosen
         if what < INDEX_SOURCE:
-            clears[w], grips[w], end[w] = plan_pair(tables, worlds, w, what, chosen, phases_s[w], travel_m)
+            clears[w], grips[w], end[w] = plan_pair(tables, worlds, w, what, chosen, held[w], phases_s[w], travel_m)
         elif what == NOTHING:
             phases_s[w, WAIT] = tables.illegal_s
         else:
             # A conveyor moves once the tool has risen from the cells.
-            here, cells = start[w], len(tables.rise_s) // 2
-            phases_s[w, TRAVEL], travel_m[w] = tables.rise_s[here], tables.rise_m[here]
+            here, cells = start[w], len(tables.rise) // 2
+            phases_s[w, TRAVEL], travel_m[w] = tables.rise[here]
             if what == INDEX_SOURCE:
-                phases_s[w, INDEX] = tables.source_s[worlds.source_row[w]]
+                phases_s[w, INDEX] = tables.row_s[0, worlds.source_row[w]]
             else:
-                phases_s[w, INDEX] = tables.target_s[worlds.target_row[w]]
+                phases_s[w, INDEX] = tables.row_s[1, worlds.target_row[w]]
             end[w] = here + cells if here < cells else here
-    return TransplantPlan(kind, pair, clears, grips, start, end, phases_s, travel_m)
+    return TransplantPlan(kind, pair, held, clears, grips, start, end, phases_s, travel_m)
 
 
 @compiled
@@ -177,24 +167,25 @@ def kind_of(worlds: Worlds, w: int, action: int) -> tuple[int, int]:
 
 @compiled
 def plan_pair(
-    tables: Tables, worlds: Worlds, w: int, speed: int, pair: int, phases_s: Array, travel_m: Array
+    tables: Tables, worlds: Worlds, w: int, speed: int, pair: int, held: Cells, phases_s: Array, travel_m: Array
 ) -> tuple[bool, bool, int]:
-    """Book the nominal phases of a pair; gives whether it clears, whether it grips, and where the tool ends."""
+    """Write down a pair's phases and what its cells hold; gives whether it clears, whether it grips, where it ends."""
     n, m = worlds.source_cells.shape[2], worlds.target_cells.shape[2]
     source, target, row = pair // m, pair % m, worlds.source_row[w]
+    held[0], held[1] = worlds.source_cells[w, row, source], worlds.target_cells[w, worlds.target_row[w], target]
     clears = worlds.target_reports[w, worlds.target_row[w], target] == POOR
-    grips = worlds.source_cells[w, row, source] != EMPTY and worlds.luck[w, row, source, _EXTRACT] < tables.extraction
+    grips = held[0] != EMPTY and worlds.luck[w, row, source, _EXTRACT] < tables.extraction
     way, here = 1 if clears else 0, worlds.place[w]
-    phases_s[TRAVEL], travel_m[w] = tables.approach_s[way, here, pair], tables.approach_m[way, here, pair]
+    phases_s[TRAVEL], travel_m[w] = tables.approach[way, here, pair]
     # The needles close at the source cell, whether they find a plug or not.
     phases_s[HANDLE] = tables.grip_s
     if clears:
         phases_s[HANDLE] += tables.grip_s + tables.release_s
     if not grips:
         return clears, grips, source
-    phases_s[CARRY] = tables.carry_s[speed, pair]
+    phases_s[CARRY], carry_m = tables.carry[speed, pair]
     phases_s[HANDLE] += tables.release_s
-    travel_m[w] += tables.carry_m[speed, pair]
+    travel_m[w] += carry_m
     return clears, grips, n + target
 
 
@@ -239,7 +230,7 @@ def transplant(tables: Tables, worlds: Worlds, plan: TransplantPlan, w: int, wit
     totals, m = worlds.totals[w], worlds.target_cells.shape[2]
     speed, column, gap = plan.kind[w], plan.pair[w] // m, plan.pair[w] % m
     row, target_row = worlds.source_row[w], worlds.target_row[w]
-    plug, before = worlds.source_cells[w, row, column], worlds.target_cells[w, target_row, gap]
+    plug, before = plan.held[w]
     seen, luck = worlds.source_reports[w, row, column], worlds.luck[w, row, column]
     worlds.source_cells[w, row, column] = EMPTY
     worlds.source_reports[w, row, column] = EMPTY
@@ -255,14 +246,14 @@ def transplant(tables: Tables, worlds: Worlds, plan: TransplantPlan, w: int, wit
         if plug != EMPTY:
             totals[TORN] += 1.0
             totals[DAMAGES] += 1.0
-    elif luck[_LOSE] < tables.lose[speed] or not within:
+    elif luck[_LOSE] < tables.chances[speed, 0] or not within:
         totals[LOST] += 1.0
     else:
         # The sensor tells the machine that a plug arrived, not what became of it.
         worlds.target_reports[w, target_row, gap] = seen
         now = plug
         # A plug that is pushed into another one spoils both.
-        if left != EMPTY or luck[_DAMAGE] < tables.damage[speed]:
+        if left != EMPTY or luck[_DAMAGE] < tables.chances[speed, 1]:
             now = DAMAGED
             totals[DAMAGES] += 2.0 if left == HEALTHY else 1.0
         good = now == HEALTHY
@@ -311,7 +302,7 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
                 feature = candidates[w, pair * _FEATURES : (pair + 1) * _FEATURES]
                 for column in range(_FEATURES):
                     feature[column] = tables.pair_feature[pair, column]
-                feature[_APPROACH] = tables.approach_feature[1 if clear else 0, place, pair]
+                feature[_APPROACH] = tables.approach[1 if clear else 0, place, pair, 0] / MOVE_SCALE_S
                 feature[_POOR] = 1.0 if ready[source] == POOR else 0.0
                 feature[_CLEAR] = 1.0 if clear else 0.0
                 for speed in range(_SPEEDS):

@@ -32,9 +32,6 @@ from .rules import (
 )
 from .scenario import LUCKS, Cells, draw_blocks, draw_field, model_reports, random_numbers
 
-_MOTIONS = ("approach_s", "approach_m", "carry_s", "carry_m", "rise_s", "rise_m")
-"""What the rules take from ``Motions`` as it is."""
-
 
 class TransplantOutcome(NamedTuple):
     """What happened: ``phases_s`` (B, phases) seconds, ``error_m`` (B, 2) tool errors while it gripped and released."""
@@ -197,15 +194,20 @@ def _tables(config: TransplantingConfig, table: Motions, *, from_outside: bool) 
     feature[:, 2] = np.tile(table.x_m[n : n + m], n) / PLACE_SCALE_M
     feature[:, 3] = table.carry_s[SPEEDS.index("normal")] / MOVE_SCALE_S
     place = np.column_stack([table.x_m / PLACE_SCALE_M, table.height_m == 0.0])
+    sides = (scenario.source, scenario.source_trays), (scenario.target, scenario.target_trays)
+    # One row more than there are: a batch steps worlds that are over along with the others.
+    row_s = np.empty((2, max(tray.rows * trays for tray, trays in sides) + 1))
+    for side, (tray, _) in enumerate(sides):
+        row_s[side] = table.index_s[side]
+        row_s[side, tray.rows - 1 :: tray.rows] = table.exchange_s[side]
     return Tables(
-        **{name: np.array(getattr(table, name), float, order="C") for name in _MOTIONS},
-        source_s=_row_times(table, 0, scenario.source_trays, scenario.source.rows),
-        target_s=_row_times(table, 1, scenario.target_trays, scenario.target.rows),
+        approach=np.ascontiguousarray(np.stack([table.approach_s, table.approach_m], axis=-1)),
+        carry=np.stack([table.carry_s, table.carry_m], axis=-1),
+        rise=np.stack([table.rise_s, table.rise_m], axis=-1),
+        row_s=row_s,
         pair_feature=feature,
-        approach_feature=np.array(table.approach_s / MOVE_SCALE_S, np.float32, order="C"),
         place_feature=place.astype(np.float32),
-        lose=loss_chances(machine, process),
-        damage=damage_chances(machine, process),
+        chances=np.stack([loss_chances(machine, process), damage_chances(machine, process)], axis=-1),
         weights=np.array([weights.planted, weights.spoiled, weights.seconds], float),
         extraction=float(process.extraction),
         reach_m=float(process.reach_m),
@@ -215,10 +217,3 @@ def _tables(config: TransplantingConfig, table: Motions, *, from_outside: bool) 
         time_limit_s=float(scenario.time_limit_s),
         from_outside=from_outside,
     )
-
-
-def _row_times(table: Motions, side: int, trays: int, rows: int) -> Array:
-    """Seconds (trays * rows + 1,) that the conveyor takes away from each row."""
-    times = np.full(trays * rows + 1, table.index_s[side])
-    times[rows - 1 :: rows] = table.exchange_s[side]
-    return times

@@ -12,7 +12,7 @@ from ...perception.trays import classify_row
 from ..core import Array, StepResult
 from .config import EMPTY
 from .executor import Move, Trajectories, moves
-from .rules import FINISH, INDEX_SOURCE, INDEX_TARGET, TransplantPlan
+from .rules import FINISH, INDEX_SOURCE, INDEX_TARGET, NOTHING, TransplantPlan
 from .scene import SIDES, Side, TrayLine, TrayScene
 from .task import TransplantingCore
 
@@ -69,7 +69,7 @@ class TransplantView:
 
     def frames(self, plan: TransplantPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
         """Pictures of the decision that was just carried out, on a clock that runs on from one to the next."""
-        self._load_if_new()
+        self._go_back(plan)
         if self._clock is None or self._clock.frames_per_second != frames_per_second:
             self._clock = _Clock(frames_per_second)
         clock = self._clock
@@ -146,6 +146,22 @@ class TransplantView:
         self._travel = {side: self._travel_to(side, self._row[side]) for side in SIDES}
         self._changed()
         self._scene.set_tool(self._trajectories.points[core.state.place[0]])
+
+    def _go_back(self, plan: TransplantPlan) -> None:
+        """Bring the scene to where the decision began, whatever was shown before."""
+        self._follow()
+        kind = int(plan.kind[0])
+        if kind < INDEX_SOURCE:
+            places = self._core.cells_of_pair(int(plan.pair[0]))
+            columns = places[0], places[1] - self._core.source_shape[1]
+            for side, column, content in zip(SIDES, columns, plan.held[0], strict=True):
+                self._lines[side].cells[self._row[side], column] = content
+        elif kind != NOTHING:
+            side: Side = "source" if kind == INDEX_SOURCE else "target"
+            self._row[side] -= 1
+            self._travel[side] = self._travel_to(side, self._row[side])
+        self._changed()
+        self._scene.set_tool(self._trajectories.points[plan.start[0]])
 
     def _load_if_new(self) -> None:
         core = self._core
