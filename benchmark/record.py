@@ -13,12 +13,13 @@ from .suites import Condition, Episode
 Record = dict[str, Any]
 """An episode's conditions (``env_id``, ``scenario``, ``backend``, ``perception``, ``policy``, ``seed``), then one of:
 
-- an episode's result: ``return``, ``rewards`` (sum of each term), ``steps``, ``terminated``, ``scorecard`` (the task's,
-  phases among it as ``phase_<name>_s``), ``last_s`` (simulated seconds at which the last target was finished, 0 without
-  one), ``wall_s``, and the policy's thinking: ``decision_s`` (sum), ``decision_p95_ms`` (95th percentile a decision),
-  ``decision_before_last_s`` (sum up to the last finished target); ``curve``, and of a case's first seed ``timeline``,
-  as ``report.timeline`` describes them, the latter with ``began_s``, the seconds that had passed before the first
-  decision, and ``words``, a line a decision: kind, target and effect;
+- an episode's result: ``return``, ``rewards`` (sum of each term), ``steps``, ``terminated``, ``scorecard`` (the
+  task's, phases among it as ``phase_<name>_s``), ``last_s`` (simulated seconds at which the last target was finished,
+  0 without one), ``wall_s``, and the policy's thinking, seconds of the core that decides: ``decision_s`` (sum),
+  ``decision_p95_ms`` (95th percentile a decision), ``decision_before_last_s`` (sum up to the last finished target);
+  ``curve``, and of a case's first seed ``timeline``, as ``report.timeline`` describes them, the latter with
+  ``began_s``, the seconds that had passed before the first decision, and ``words``, a line a decision: kind, target
+  and effect;
 - a bound's (policy ``"bound"``): ``bound`` and ``wall_s``, see ``limits.bound``;
 - ``error``: why there is no result.
 """

@@ -15,7 +15,7 @@ QUICK_EPISODES = 8
 QUICK_TOUR_EPISODES = 3
 """The first environment is compared, the others are shown: together they take two minutes on two cores."""
 FULL_EPISODES = 200
-FULL_PYBULLET_EPISODES = 24
+FULL_PYBULLET_EPISODES = 20
 FULL_FIRST_SEED = 100_000
 """The large suites use the seeds from here on, which nothing else does: rules were tried on seeds from 0 on, cameras
 and parameters were fitted from 900,000 on, learned policies chose their weights from 1,000,000 on and learned from
@@ -159,9 +159,9 @@ def suite(name: str) -> Suite:
     """The suite of this name over every registered environment.
 
     ``quick``: each environment's headline scenario in PyBullet, the first one (the picking paper's protocol) with its
-    camera, the others on fewer seeds with the model of theirs, without bounds. ``full``: every headline scenario on many seeds with the
-    analytic backend, and on the first of them in PyBullet, both with the camera's model, so that the two differ in what
-    carries plans out alone. ``tiers``: every scenario on many seeds with the analytic backend.
+    camera, the others on fewer seeds with the model of theirs, without bounds. ``full``: every headline scenario on
+    many seeds with the analytic backend, and on the first of them in PyBullet, both with the camera's model, so that
+    the two differ in what carries plans out alone. ``tiers``: every scenario on many seeds with the analytic backend.
 
     Raises:
         ValueError: there is no such suite.

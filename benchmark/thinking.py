@@ -10,8 +10,9 @@ What is simulated: nothing. A finished episode's clocks are put forward by the s
   simulated, so net rate and return are those of a policy that thinks in no time, and the charged cycle time is the
   least that thinking costs.
 
-Thinking is measured on the machine that runs the benchmark, beside whatever else runs there: charged results differ
-from run to run. They are marked, and are never compared as if they repeated.
+Thinking is the processor time of the thread that decides, on the machine that runs the benchmark: what else runs there
+does not count, and waiting for something else (another process, a network) is not seen. It still differs from run to
+run and from machine to machine; charged results are marked, and are never compared as if they repeated.
 """
 
 from __future__ import annotations
