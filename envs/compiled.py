@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import numba
 from numba.extending import overload
+from numpy.typing import NDArray
 
 from ..motion import laws
 
@@ -25,6 +26,8 @@ _BOUND: dict[tuple[str, Any], Any] = {}
 
 def compiled(function: Function) -> Function:
     """Compile ``function`` at its first call; IEEE arithmetic as written, division by zero gives infinity or NaN."""
+    if numba.config.DISABLE_JIT:
+        return function
     dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
     # Numba renews kept machine code when the function's own file has changed. What it calls stands in other files too.
     dispatcher._cache._cache_file._source_stamp = _stamp(Path(inspect.getfile(function)).parent)
@@ -80,3 +83,17 @@ def bind(kind: type, *functions: Callable[..., Any]) -> None:
 
 shortest = compiled(laws.shortest)
 """``motion.laws.shortest`` of one stroke, for kernels."""
+
+
+@compiled
+def fill(row: NDArray[Any], value: float) -> None:
+    """Write ``value`` all along a row; Numba's own slices take seconds to compile."""
+    for i in range(len(row)):
+        row[i] = value
+
+
+@compiled
+def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
+    """Write the first elements of ``source`` all along ``target``; see ``fill``."""
+    for i in range(len(target)):
+        target[i] = source[i]
