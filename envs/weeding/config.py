@@ -9,11 +9,15 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib.resources import files
 from math import exp, inf, log
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import Array
 from .aim import LaserReach
 
 DOSES = ("low", "normal", "high")
@@ -79,57 +83,99 @@ class ProcessConfig:
         return self.ed95_j * exp(-log(0.95 / 0.05) / self.slope)
 
 
+class SightingTable(NamedTuple):
+    """Sightings of all classes, one under the other: ``rows`` (n, 7), where each class begins, and how many it has."""
+
+    rows: Array
+    first: NDArray[np.int64]
+    count: NDArray[np.int64]
+
+
 @dataclass(frozen=True)
 class PerceptionModel:
     """What front camera, tracks and tool camera report, as a statistical model.
+
+    Errors are not described by a law but drawn from those that were measured: a *sighting* is a row of seven numbers,
+    the place at which the front camera's track ends and the one that the tool camera corrects it to, both relative to
+    the plant (along, across, metres), whether the tool camera found a plant at all (1 or 0), and the reported species
+    and stage. So errors keep their long tails, and a bad track keeps its bad correction.
 
     Fitted by ``scripts/measure_weed_cameras.py`` to rendered images; ``perfect`` is the truth.
     """
 
     recall: tuple[tuple[float, float, float], tuple[float, float, float]]
-    """Probability that a weed becomes a track, by species (broadleaf, grass) and stage."""
-    recall_near_crop: float
-    """The same for a weed within ``near_crop_m`` of a crop plant's stem: leaves hide it."""
-    near_crop_m: float
-    false_per_m2: float
-    """Tracks that are no weed, neither a crop plant, per square metre."""
-    crop_as_weed: float
-    """Probability that a crop plant is reported as a weed."""
-    front_bias_m: tuple[float, float]
-    front_sigma_m: tuple[float, float]
-    """Error of a track's position (along, across) when it leaves the front camera's view."""
+    """Probability that a weed becomes a track, by species (broadleaf, grass) and stage, where it stands alone."""
+    crop_gap_m: tuple[float, ...]
+    """Ascending distances to the nearest crop plant that part the factors of ``recall_near_crop``."""
+    recall_near_crop: tuple[float, ...]
+    """Factors on the recall, from under the crop plant's leaves outwards; one more than ``crop_gap_m``."""
+    weed_gap_m: tuple[float, ...]
+    """The same for the distance to the nearest other weed: plants that touch may be taken for one."""
+    recall_near_weed: tuple[float, ...]
+    crowded_m: tuple[float, float]
+    """A weed is crowded when a crop plant or another weed is nearer than these distances."""
+    sightings: tuple[tuple[tuple[float, ...], ...], ...]
+    """Sightings of tracked weeds in twelve classes, index ``6 crowded + 3 species + stage``."""
+    false_rates: tuple[float, float, float]
+    """Tracks that are no further weed: per weed (a part of it), per crop plant, and elsewhere per square metre."""
+    false_sightings: tuple[tuple[tuple[float, ...], ...], ...]
+    """Their sightings in three classes, relative to the weed, to the crop plant, to themselves."""
     drift_share: float
     """Standard deviation of the odometry's error per distance driven, one value a strip."""
-    slip_share: float
-    """Standard deviation of a further error per distance, one value a track."""
-    tool_recall: float
-    """Probability that the tool camera finds the weed that it was sent to."""
-    tool_sigma_m: tuple[float, float]
-    """Error of the corrected aim (along, across)."""
-    species_confusion: tuple[tuple[float, float], tuple[float, float]]
-    """Row = true species, column = reported species, rows sum to 1."""
-    stage_confusion: tuple[tuple[float, float, float], ...]
-    """Row = true stage, column = reported stage, rows sum to 1."""
     delay_s: float
     """From the frame that confirms a track to its use."""
     frames_m: float = 0.0
     """Distance that the cart drives between a weed's entering the view and its confirmation."""
 
+    @cached_property
+    def sighting_table(self) -> SightingTable:
+        """``sightings`` as arrays."""
+        return _table(self.sightings)
+
+    @cached_property
+    def false_table(self) -> SightingTable:
+        """``false_sightings`` as arrays."""
+        return _table(self.false_sightings)
+
     @classmethod
+    @lru_cache(maxsize=1)
     def perfect(cls) -> PerceptionModel:
         """Every weed, exactly where and what it is, at once."""
-        ones, zero2 = (1.0, 1.0, 1.0), (0.0, 0.0)
-        two = ((1.0, 0.0), (0.0, 1.0))
-        three = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-        return cls((ones, ones), 1.0, 0.0, 0.0, 0.0, zero2, zero2, 0.0, 0.0, 1.0, zero2, two, three, 0.0)
+        ones, exact = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0, 1.0)
+        kinds = tuple(((*exact, float(s), float(g)),) for s in range(len(SPECIES)) for g in range(len(STAGES)))
+        nothing = ((*exact, 0.0, 0.0),)
+        return cls(
+            recall=(ones, ones),
+            crop_gap_m=(),
+            recall_near_crop=(1.0,),
+            weed_gap_m=(),
+            recall_near_weed=(1.0,),
+            crowded_m=(0.0, 0.0),
+            sightings=kinds + kinds,
+            false_rates=(0.0, 0.0, 0.0),
+            false_sightings=(nothing, nothing, nothing),
+            drift_share=0.0,
+            delay_s=0.0,
+        )
 
     @classmethod
     @lru_cache(maxsize=1)
     def measured(cls) -> PerceptionModel:
         """The fit to rendered images that ships with the package [identified]."""
         text = files(__name__.rsplit(".", 3)[0]).joinpath("assets/perception/weeding.json").read_text("utf-8")
-        data = json.loads(text)["model"]
+        return cls.from_json(json.loads(text)["model"])
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> PerceptionModel:
+        """The model behind its parsed JSON: lists become tuples."""
         return cls(**{name: _frozen(value) for name, value in data.items()})
+
+
+def _table(classes: tuple[tuple[tuple[float, ...], ...], ...]) -> SightingTable:
+    count = np.array([len(rows) for rows in classes])
+    if count.min() < 1:
+        raise ValueError(f"sightings of {count.tolist()} rows: every class needs one at least")
+    return SightingTable(np.array([row for rows in classes for row in rows]), count.cumsum() - count, count)
 
 
 def _frozen(value: Any) -> Any:
@@ -267,13 +313,11 @@ class RewardWeights:
 
 
 @dataclass(frozen=True)
-class WeedingConfig:
-    """Everything that defines a weeding task."""
+class FieldTask:
+    """Everything that defines a weeding task but for its tool; tools add their reach and their process."""
 
     scenario: ScenarioConfig = SCENARIOS["load-1.0"]
     cart: CartConfig = field(default_factory=CartConfig)
-    reach: LaserReach = field(default_factory=LaserReach)
-    process: ProcessConfig = field(default_factory=ProcessConfig)
     weights: RewardWeights = field(default_factory=RewardWeights)
     slots: int = 16
     """Candidates that a policy is shown at once."""
@@ -285,24 +329,36 @@ class WeedingConfig:
     def __post_init__(self) -> None:
         """Check the ranges."""
         _require(self, 1, "slots", high=64)
-        if 0.5 * self.scenario.band_m > self.reach.half_width_m + 1e-9:
-            raise ValueError(
-                f"band_m = {self.scenario.band_m}: the beam reaches {self.reach.half_width_m} m to either side"
-            )
-        if self.cart.unseen_m < self.reach.front_m:
-            raise ValueError(f"the front camera's view must end before the window begins ({self.reach.front_m} m)")
+        _require(self, 0.0, "nominal_move_s")
+        if 0.5 * self.scenario.band_m > self.half_width_m + 1e-9:
+            raise ValueError(f"band_m = {self.scenario.band_m}: the tool reaches {self.half_width_m} m to either side")
+        if self.cart.unseen_m < self.front_m:
+            raise ValueError(f"the front camera's view must end before the window begins ({self.front_m} m)")
+
+    @property
+    def front_m(self) -> float:
+        """The window begins this far in front of the machine's middle; it ends as far behind it."""
+        raise NotImplementedError
+
+    @property
+    def half_width_m(self) -> float:
+        """Reach to either side."""
+        raise NotImplementedError
+
+    def label_work_s(self, species: int, stage: int) -> float:
+        """Seconds on a weed of a kind in the mode that it calls for."""
+        raise NotImplementedError
 
     @property
     def service_s(self) -> float:
-        """Expected seconds for one weed: move, correction and the dose that its kind calls for."""
-        from .process import label_dose
-
-        scenario, process = self.scenario, self.process
-        burn = 0.0
-        for species, share in ((0, 1.0 - scenario.grass_share), (1, scenario.grass_share)):
+        """Expected seconds for one weed: the move, and the work that its kind calls for."""
+        scenario = self.scenario
+        grass = scenario.grass_share
+        work_s = 0.0
+        for species, share in enumerate((1.0 - grass, grass)):
             for stage, part in enumerate(scenario.stage_shares):
-                burn += share * part * process.dose_j[label_dose(process, species, stage)] / process.power_w
-        return self.nominal_move_s + process.correct_s + burn
+                work_s += share * part * self.label_work_s(species, stage)
+        return self.nominal_move_s + work_s
 
     @property
     def speed_m_s(self) -> float:
@@ -313,5 +369,30 @@ class WeedingConfig:
     @property
     def time_limit_s(self) -> float:
         """Simulated seconds after which an episode is cut off."""
-        way = self.scenario.strip_m + self.cart.start_m + self.reach.front_m
+        way = self.scenario.strip_m + self.cart.start_m + self.front_m
         return self.cart.time_factor * way / self.speed_m_s
+
+
+@dataclass(frozen=True)
+class WeedingConfig(FieldTask):
+    """Everything that defines a weeding task with the laser."""
+
+    reach: LaserReach = field(default_factory=LaserReach)
+    process: ProcessConfig = field(default_factory=ProcessConfig)
+
+    @property
+    def front_m(self) -> float:
+        """The window begins this far in front of the machine's middle; it ends as far behind it."""
+        return self.reach.front_m
+
+    @property
+    def half_width_m(self) -> float:
+        """Reach to either side."""
+        return self.reach.half_width_m
+
+    def label_work_s(self, species: int, stage: int) -> float:
+        """Seconds of the correction and of the dose that a kind calls for."""
+        from .process import label_dose
+
+        process = self.process
+        return process.correct_s + process.dose_j[label_dose(process, species, stage)] / process.power_w

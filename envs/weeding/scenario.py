@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..core import Array
-from .config import CartConfig, PerceptionModel, ScenarioConfig
+from .config import CartConfig, PerceptionModel, ScenarioConfig, SightingTable
 
 PAD = 2
 """Empty places before and after the weeds of a world, so that a weed's neighbours always exist."""
@@ -173,26 +173,32 @@ def _draws(scenario: ScenarioConfig) -> int:
     return max(int(np.ceil(mean + 5.0 * spread)), scenario.max_weeds)
 
 
-def ghost_table(scenario: ScenarioConfig, perception: PerceptionModel) -> Array:
-    """Cumulative probabilities of the number of false tracks."""
-    return poisson_table(perception.false_per_m2 * scenario.strip_m * scenario.band_m)
+def false_means(scenario: ScenarioConfig, perception: PerceptionModel) -> tuple[float, float, float]:
+    """Expected false tracks of a strip: parts of weeds, at crop plants, elsewhere."""
+    area = scenario.strip_m * scenario.band_m
+    at_weed, at_crop, loose = perception.false_rates
+    return at_weed * scenario.density_per_m2 * area, at_crop * _crops_inside(scenario), loose * area
+
+
+def _crops_inside(scenario: ScenarioConfig) -> int:
+    """Crop plants whose undisturbed places lie in the strip; the first of them has index 1."""
+    return scenario.crops - 3
 
 
 def track_capacity(scenario: ScenarioConfig, perception: PerceptionModel | None) -> int:
     """Most tracks of a strip."""
     if perception is None:
         return 4 * scenario.max_weeds
-    return scenario.max_weeds + scenario.crops + len(ghost_table(scenario, perception))
+    return scenario.max_weeds + len(poisson_table(sum(false_means(scenario, perception))))
 
 
 def random_numbers(scenario: ScenarioConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
     """Lengths of a world's blocks: uniform and normal numbers for the field, then for the cameras."""
     parents, _, _ = _counts(scenario)
     n, limit, crops = scenario.max_weeds, _draws(scenario), scenario.crops
-    ghosts = len(ghost_table(scenario, perception))
-    slots = n + crops + ghosts
+    false = track_capacity(scenario, perception) - n
     field = 3 * len(parents) + 2 + 2 * limit + 4 * n + crops
-    return field, 2 * limit + 2 * crops, 4 * slots + 1 + 2 * ghosts, 5 * slots + 1
+    return field, 2 * limit + 2 * crops, 1 + 2 * n + 5 * false, 1
 
 
 def draw_tracks(
@@ -204,53 +210,27 @@ def draw_tracks(
     normal: Array,
 ) -> Tracks:
     """What the statistical cameras make of R worlds, from random blocks (R, .) of their own."""
-    u, z = _Block(uniform), _Block(normal)
-    rows, n, crops = len(uniform), plants.exists.shape[1], plants.crop.shape[1]
-    table = ghost_table(scenario, perception)
-    ghosts = len(table)
-    ghost_there = np.arange(ghosts) < np.searchsorted(table, u.take(1), side="right")
-    ghost = u.take(ghosts, 2) * [scenario.strip_m, scenario.band_m] - [0.0, 0.5 * scenario.band_m]
-    place = np.concatenate([plants.weed, plants.crop, ghost], axis=1)
-    slots = place.shape[1]
-    recall = np.asarray(perception.recall)[plants.species, plants.stage]
-    gap = nearest_crop(scenario, plants.crop, place)
-    # A crop plant that is taken for a weed is missing from the machine's list of crop plants.
-    gap[:, n : n + crops] = scenario.crop_pitch_m
-    recall = recall * np.where(gap[:, :n] < perception.near_crop_m, perception.recall_near_crop, 1.0)
-    in_strip = (plants.crop[..., 0] >= 0.0) & (plants.crop[..., 0] <= scenario.strip_m)
-    lots = u.take(slots)
-    there = np.concatenate(
-        [
-            plants.exists & (lots[:, :n] < recall),
-            in_strip & (lots[:, n : n + crops] < perception.crop_as_weed),
-            ghost_there,
-        ],
-        axis=1,
-    )
-    # Along the strip the odometry carries a track from the front camera's view to the tool.
-    unseen = cart.unseen_m
-    front = np.asarray(perception.front_bias_m) + np.asarray(perception.front_sigma_m) * z.take(slots, 2)
-    drift = perception.drift_share * z.take(1) + perception.slip_share * z.take(slots)
-    report = place + front
-    report[..., 0] += unseen * drift
-    tool = np.asarray(perception.tool_sigma_m) * z.take(slots, 2)
-    found = u.take(slots) < perception.tool_recall
-    aim = np.where(found[..., None], place + tool, report)
+    u = _Block(uniform)
+    n = plants.exists.shape[1]
+    crop_gap, weed_gap = nearest_crop(scenario, plants.crop, plants.weed), nearest_weed(plants.weed)
+    recall = track_chance(perception, plants.species, plants.stage, crop_gap, weed_gap)
+    seen = plants.exists & (u.take(n) < recall)
+    crowded = is_crowded(perception, crop_gap, weed_gap)
+    kind = 6 * crowded + 3 * plants.species + plants.stage
+    sighting = _draw_sightings(perception.sighting_table, kind, u.take(n))
 
-    lots = u.take(2, slots)
-    species = np.zeros((rows, slots), np.int64)
-    stage = np.zeros((rows, slots), np.int64)
-    species[:, :n], stage[:, :n] = plants.species, plants.stage
-    species[:, n:] = (lots[:, 0, n:] > 0.5).astype(np.int64)
-    stage[:, n : n + crops] = 2
-    mixed = np.asarray(perception.species_confusion)[:, 0]
-    named = (lots[:, 0, :n] >= mixed[plants.species]).astype(np.int64)
-    limits = np.cumsum(np.asarray(perception.stage_confusion), axis=1)[:, :-1]
-    species[:, :n] = named
-    stage[:, :n] = sum((lots[:, 1, :n] > limits[:, c][plants.stage]).astype(np.int64) for c in range(limits.shape[1]))
+    owner, there, false_sighting = _draw_false(scenario, perception, plants, u)
+    place = np.concatenate([plants.weed, owner], axis=1)
+    sighting = np.concatenate([sighting, false_sighting], axis=1)
+    there = np.concatenate([seen, there], axis=1)
+    # From the front camera's view to the tool the odometry carries a track along the strip.
+    report = place + sighting[..., 0:2]
+    report[..., 0] += cart.unseen_m * perception.drift_share * normal
+    aim = np.where(sighting[..., 4:5] > 0.0, place + sighting[..., 2:4], report)
+    there &= np.abs(report[..., 1]) <= 0.5 * scenario.band_m
+    gap = np.concatenate([crop_gap, nearest_crop(scenario, plants.crop, report[:, n:])], axis=1)
 
-    key = np.where(there, report[..., 0], FAR_M)
-    order = np.argsort(key, axis=1, kind="stable")
+    order = np.argsort(np.where(there, report[..., 0], FAR_M), axis=1, kind="stable")
     there = np.take_along_axis(there, order, axis=1)
 
     def pick(values: NDArray[Any]) -> NDArray[Any]:
@@ -260,19 +240,59 @@ def draw_tracks(
         return np.where(there[..., None], np.take_along_axis(values, order[..., None], axis=1), FAR_M)
 
     report, aim = pick2(report), pick2(aim)
-    seen = report[..., 0]
-    known = seen - cart.seen_ahead_m + perception.frames_m
+    along = report[..., 0]
+    known = along - cart.seen_ahead_m + perception.frames_m
     return Tracks(
         report=report,
         aim=aim,
         weed=neighbours(plants, aim[..., 0]),
         real=there & (order < n),
-        species=pick(species),
-        stage=pick(stage),
-        line=np.where(there[..., None], np.stack([seen, known], axis=-1), np.nan),
+        species=pick(sighting[..., 5]).astype(np.int64),
+        stage=pick(sighting[..., 6]).astype(np.int64),
+        line=np.where(there[..., None], np.stack([along, known], axis=-1), np.nan),
         crop_gap_m=pick(gap),
         count=np.count_nonzero(there, axis=1),
     )
+
+
+def track_chance(
+    perception: PerceptionModel, species: NDArray[np.int64], stage: NDArray[np.int64], crop_gap: Array, weed_gap: Array
+) -> Array:
+    """Probability (...) that weeds become tracks, from their kinds and their distances to the nearest neighbours."""
+    by_crop = np.asarray(perception.recall_near_crop)[np.searchsorted(perception.crop_gap_m, crop_gap)]
+    by_weed = np.asarray(perception.recall_near_weed)[np.searchsorted(perception.weed_gap_m, weed_gap)]
+    return np.asarray(perception.recall)[species, stage] * by_crop * by_weed
+
+
+def is_crowded(perception: PerceptionModel, crop_gap: Array, weed_gap: Array) -> NDArray[np.bool_]:
+    """Whether (...) a weed has a crop plant or another weed beside it."""
+    return (crop_gap < perception.crowded_m[0]) | (weed_gap < perception.crowded_m[1])
+
+
+def _draw_sightings(table: SightingTable, kind: NDArray[np.int64], lots: Array) -> Array:
+    """One sighting (..., 7) of each one's class."""
+    return table.rows[table.first[kind] + (table.count[kind] * lots).astype(np.int64)]
+
+
+def _draw_false(
+    scenario: ScenarioConfig, perception: PerceptionModel, plants: Plants, u: _Block
+) -> tuple[Array, NDArray[np.bool_], Array]:
+    """Owners' places (R, G, 2) of the false tracks, which of them there are, and their sightings (R, G, 7)."""
+    means = false_means(scenario, perception)
+    table = poisson_table(sum(means))
+    g = len(table)
+    there = np.arange(g) < np.searchsorted(table, u.take(1), side="right")
+    limits = np.cumsum(means) / max(sum(means), 1e-12)
+    lots = u.take(g)
+    kind = (lots > limits[0]).astype(np.int64) + (lots > limits[1])
+    weeds = np.count_nonzero(plants.exists, axis=1)[:, None]
+    lots = u.take(g)
+    weed = np.take_along_axis(plants.weed, (weeds * lots).astype(np.int64)[..., None], axis=1)
+    crop = np.take_along_axis(plants.crop, 1 + (_crops_inside(scenario) * lots).astype(np.int64)[..., None], axis=1)
+    loose = u.take(g, 2) * [scenario.strip_m, scenario.band_m] - [0.0, 0.5 * scenario.band_m]
+    owner = np.where((kind == 0)[..., None], weed, np.where((kind == 1)[..., None], crop, loose))
+    there &= (kind > 0) | (weeds > 0)
+    return owner, there, _draw_sightings(perception.false_table, kind, u.take(g))
 
 
 def neighbours(plants: Plants, along_m: Array) -> NDArray[np.int64]:
@@ -299,6 +319,17 @@ def nearest_crop(scenario: ScenarioConfig, crop: Array, place: Array) -> Array:
     for step in (-1, 0, 1):
         near = np.take_along_axis(crop, (index + step)[..., None], axis=1)
         best = np.minimum(best, np.hypot(near[..., 0] - place[..., 0], near[..., 1] - place[..., 1]))
+    return best
+
+
+def nearest_weed(weed: Array, looked_at: int = 6) -> Array:
+    """Distance (R, N) from weeds (R, N, 2), sorted along, to the nearest of the next ones on either side along."""
+    best = np.full(weed.shape[:-1], np.inf)
+    for step in range(1, min(looked_at, weed.shape[1] - 1) + 1):
+        offset = weed[:, step:] - weed[:, :-step]
+        gap = np.hypot(offset[..., 0], offset[..., 1])
+        np.minimum(best[:, step:], gap, out=best[:, step:])
+        np.minimum(best[:, :-step], gap, out=best[:, :-step])
     return best
 
 

@@ -12,8 +12,8 @@ from ...perception.weeds import Seedlings, WeedDetectorSettings, WeedTracker, de
 from ..core import Array, StepResult
 from .aim import poses
 from .executor import trajectory, weeder_parameters
-from .scene import WeederScene
 from .rules import WAIT, WeederPlan
+from .scene import WeederScene
 from .task import WeedingCore
 
 FRAME_EVERY_M = 0.06
@@ -127,9 +127,7 @@ class WeederView:
         centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
         frame = self.camera_scene().look_tool(centre, told)
         camera = frame.camera
-        found = detect_seedlings(
-            frame.rgb, camera.intrinsics, camera.world_from_camera, settings=TOOL_SETTINGS
-        )
+        found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera, settings=TOOL_SETTINGS)
         if not len(found.position):
             return None
         gap = np.hypot(*(found.position - told).T)
@@ -223,7 +221,7 @@ class WeederView:
         )
 
     def _identity(self) -> tuple[int, ...]:
-        return (int(1e9 * self._core.plant_look[0, -1]), int(self._core.weeds[0]))
+        return (int(1e9 * self._core.plant_look[0, -1]), int(self._core.state.weeds[0]))
 
     def _new_episode(self) -> bool:
-        return bool(self._core.totals[0, 0] == 0.0)
+        return bool(self._core.state.totals[0, 0] == 0.0)
