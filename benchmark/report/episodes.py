@@ -116,14 +116,15 @@ def parse_timeline(policy: str, seed: int, value: Any) -> Timeline | None:
     try:
         phases = tuple(str(name) for name in value["phases"])
         seconds = np.array(value["seconds"], dtype=np.float64).reshape(-1, len(phases))
-        columns = [_column(value.get(name), len(seconds)) for name in ("net_rate", "done", "damaged")]
+        net_rate, done, damaged = (_column(value.get(name), len(seconds)) for name in ("net_rate", "done", "damaged"))
         words = tuple(str(word) for word in value.get("words") or ())
         began_s = float(value.get("began_s", 0.0))
     except (KeyError, TypeError, ValueError):
         return None
     if not len(seconds) or seconds.sum() <= 0.0:
         return None
-    return Timeline(policy, seed, began_s, phases, seconds, *columns, words if len(words) == len(seconds) else ())
+    words = words if len(words) == len(seconds) else ()
+    return Timeline(policy, seed, began_s, phases, seconds, net_rate, done, damaged, words)
 
 
 def _column(values: Sequence[float] | None, n: int) -> Array:

@@ -117,8 +117,10 @@ def words(condition: Condition) -> str:
 
 
 def _episodes(tier: Tier) -> str:
-    seeds = f"seeds {tier.seeds[0]} to {tier.seeds[-1]}" if len(tier.seeds) > 1 else f"seed {tier.seeds[0]}"
-    return f"{len(tier.seeds)} paired episodes a policy, {seeds}"
+    first, last = min(tier.seeds), max(tier.seeds)
+    return f"{len(tier.seeds)} paired episodes a policy, " + (
+        f"seeds {first} to {last}" if last > first else f"seed {first}"
+    )
 
 
 def _charged(tier: Tier) -> list[str]:

@@ -1,0 +1,467 @@
+"""The benchmark's page and leaderboard: whole, self-contained, and with the figures of the tables."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from fieldgym.benchmark.record import Record
+from fieldgym.benchmark.report import episodes, gantt, leaderboard, page, reader, sections, svg
+from fieldgym.benchmark.report.markup import Markup, tag
+from fieldgym.benchmark.report.styles import phase_kinds, policy_styles
+from fieldgym.benchmark.report.timeline import CURVE_POINTS, TimelineRecorder
+from fieldgym.benchmark.store import BOUNDS, EPISODES, MANIFEST, ResultsError
+from fieldgym.benchmark.suites import BOUND, Condition
+from fieldgym.benchmark.tables import MARKDOWN
+from fieldgym.scripts import cli
+
+POTS = Condition("fieldgym/SafflowerPicking-v0", "pots", "analytic", "model")
+PHYSICS = Condition("fieldgym/SafflowerPicking-v0", "pots", "pybullet", "model")
+ROW = Condition("fieldgym/SafflowerPicking-v0", "row", "analytic", "model")
+BELT = Condition("fieldgym/ProduceSorting-v0", "load-1.25", "analytic", "model")
+POLICIES = {
+    POTS: ("random", "fixed-order", "nearest", "learned"),
+    PHYSICS: ("random", "fixed-order", "nearest", "learned"),
+    ROW: ("fixed-order", "<b>&new"),
+    BELT: ("fifo", "nearest", "receding-horizon"),
+}
+SEEDS = range(8)
+PHYSICS_SEEDS = range(6)
+PHASES = ("travel", "shear", "suck")
+
+
+def timeline(rng: np.random.Generator, decisions: int = 6) -> dict:
+    recorder = TimelineRecorder()
+    elapsed = 1.0
+    for i in range(decisions):
+        spent = rng.uniform(0.5, 2.0, len(PHASES))
+        elapsed += spent.sum()
+        card = {"net_rate": (i + 1) / (decisions + 1), "done": i + 1, "damaged": i // 4, "duration_s": elapsed}
+        recorder.add({"phases_s": dict(zip(PHASES, spent, strict=True)), "scorecard": card})
+    words = [f"head {i}" for i in range(decisions)]
+    return {"curve": recorder.curve(), "timeline": {"began_s": 1.0, "words": words, **recorder.timeline()}}
+
+
+def record(condition: Condition, policy: str, seed: int) -> Record:
+    """An episode with figures that its names decide."""
+    rng = np.random.default_rng([seed, len(policy), len(condition.scenario), len(condition.backend)])
+    told = timeline(rng)
+    card = {
+        "net_rate": 0.5 + 0.05 * len(policy) / 8 + rng.uniform(0.0, 0.2),
+        "cycle_time_s": 10.0 + rng.uniform(0.0, 3.0),
+        "throughput_per_min": 5.0 + rng.uniform(),
+        "duration_s": 1.0 + float(np.sum(told["timeline"]["seconds"])),
+        "done": 6.0,
+        "damaged": float(seed % 2),
+        **{f"phase_{name}_s": float(rng.uniform(5.0, 9.0)) for name in PHASES},
+    }
+    if seed > 0:
+        del told["timeline"]
+    return {
+        **vars(condition),
+        "policy": policy,
+        "seed": seed,
+        "return": 3.0 + len(policy) + rng.uniform(),
+        "rewards": {},
+        "steps": 6,
+        "terminated": True,
+        "scorecard": card,
+        "last_s": 20.0,
+        "wall_s": 0.1,
+        "decision_s": 0.012,
+        "decision_p95_ms": 4.0,
+        "decision_before_last_s": 0.01,
+        **told,
+    }
+
+
+def bound(condition: Condition, seed: int) -> Record:
+    values = {
+        "net_rate": 0.9 + 0.01 * (seed % 3),
+        "episode_return": 30.0,
+        "method": "a relaxation",
+        "proven": seed % 2 == 0,
+        "gap": None,
+        "curve": [[0.0, 6.0], [0.5, 7.5], [0.85, 9.0]],
+    }
+    return {**vars(condition), "policy": BOUND, "seed": seed, "bound": values, "wall_s": 0.2}
+
+
+def write(folder: Path, records: list[Record], bounds: list[Record] = []) -> Path:  # noqa: B006
+    folder.mkdir()
+    (folder / EPISODES).write_text("".join(json.dumps(item) + "\n" for item in records))
+    if bounds:
+        (folder / BOUNDS).write_text("".join(json.dumps(item) + "\n" for item in bounds))
+    manifest = {
+        "suite": "full",
+        "fieldgym": "9.8.7",
+        "source": "0123abcd",
+        "packages": {"numpy": "1.2.3", "absent": None},
+        "machine": "Toy, 2 cores",
+        "started": "2026-01-02T03:04:05+0000",
+    }
+    (folder / MANIFEST).write_text(json.dumps(manifest))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    records = [
+        record(where, name, seed)
+        for where, names in POLICIES.items()
+        for seed in (PHYSICS_SEEDS if where == PHYSICS else SEEDS)
+        for name in names
+    ]
+    bounds = [bound(POTS, seed) for seed in SEEDS]
+    return write(tmp_path_factory.mktemp("report") / "full", records, bounds)
+
+
+@pytest.fixture(scope="module")
+def study(results: Path) -> reader.Study:
+    return reader.load(results)
+
+
+@pytest.fixture(scope="module")
+def html(study: reader.Study) -> str:
+    return page.render(study, "fieldgym report x")
+
+
+class Tree(HTMLParser):
+    """Checks that elements are closed in order; keeps every element's attributes and the texts of table cells."""
+
+    VOID = ("meta", "br", "hr", "img", "input", "link")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.ids: list[str] = []
+        self.rows: list[tuple[str, str, list[str]]] = []  # section, policy, values
+        self.section = ""
+        self.text: str | None = None
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = dict(attrs)
+        self.elements.append((tag, found))
+        if "id" in found:
+            self.ids.append(str(found["id"]))
+        if tag == "section":
+            self.section = str(found["id"])
+        if tag == "tr" and "data-policy" in found:
+            self.rows.append((self.section, str(found["data-policy"]), []))
+        if tag in ("span", "b") and "td" in self.open and self.open[-1] == "td":
+            self.text = ""
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        if self.text is not None:
+            self.text += data
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open and self.open[-1] == tag, f"</{tag}> closes {self.open[-3:]}"
+        self.open.pop()
+        if self.text is not None and tag in ("span", "b"):
+            self.rows[-1][2].append(self.text) if self.rows else None
+            self.text = None
+
+
+@pytest.fixture(scope="module")
+def tree(html: str) -> Tree:
+    found = Tree()
+    found.feed(html)
+    found.close()
+    return found
+
+
+def test_page_is_well_formed(tree: Tree, html: str):
+    assert html.startswith("<!DOCTYPE html>")
+    assert tree.open == []
+    assert len(tree.ids) == len(set(tree.ids))
+    drawings = re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL)
+    assert len(drawings) > 40
+    for drawing in drawings:
+        ElementTree.fromstring(drawing)
+        assert "nan" not in drawing and "inf" not in drawing.replace("info", "")
+
+
+def test_page_asks_the_network_for_nothing(tree: Tree, html: str):
+    assert not re.search(r"https?:|//[a-z]+\.|@import|url\((?!#)|fetch\(|XMLHttpRequest", html)
+    for name, attributes in tree.elements:
+        assert name not in ("link", "img", "iframe", "object", "embed", "use")
+        assert "src" not in attributes
+        assert str(attributes.get("href", "#")).startswith("#")
+    links = {str(attributes["href"])[1:] for name, attributes in tree.elements if name == "a"}
+    assert links and links <= set(tree.ids)
+
+
+def test_every_policy_has_a_chip_a_line_and_marks(study: reader.Study, tree: Tree):
+    for item in study.chapters:
+        section = sections.anchor(item.task.id)
+        lines = [policy for where, policy, _ in tree.rows if where == section]
+        assert set(item.headline.policies) <= set(lines)
+    chips = [str(found["data-policy"]) for name, found in tree.elements if name == "button"]
+    assert chips == [policy for item in study.chapters for policy in item.headline.policies]
+    marks = {str(found["data-policy"]) for name, found in tree.elements if name == "g" and "data-policy" in found}
+    assert set(chips) <= marks
+
+
+def test_names_are_escaped(html: str):
+    assert "<b>&new" not in html
+    assert "&lt;b&gt;&amp;new" in html
+
+
+def test_figures_are_those_of_the_tables(study: reader.Study, tree: Tree):
+    for item in study.chapters:
+        section = sections.anchor(item.task.id)
+        for row in item.headline.all_rows:
+            shown = next(values for where, policy, values in tree.rows if (where, policy) == (section, row.policy))
+            columns = [column for _, columns in sections.TABLE for column in columns]
+            there = [column for column in columns if any(column.cell(r)[0] != "-" for r in item.headline.all_rows)]
+            wanted = [column.cell(row)[0].replace("-", "\u2212") for column in there]
+            assert [value.replace("\u2013", "\u2212") for value in shown] == wanted
+
+
+def test_intervals_and_doubt_stand_beside_the_figures(study: reader.Study, html: str):
+    marked = 0
+    for item in study.chapters:
+        for row in item.headline.all_rows:
+            for _, columns in [*sections.TABLE, *((title, cells) for title, cells in MARKDOWN if title != "Mean")]:
+                for column in columns:
+                    _, interval = column.cell(row)
+                    span = interval.removesuffix(" n.s.").removesuffix(" few")
+                    assert span.replace(" .. ", " to ").replace("-", "\u2212") in html
+                    if interval.endswith(" n.s."):
+                        marked += 1
+                        assert str(sections.cell(column, row)).startswith('<td class="doubtful"><em>n.s. </em>')
+    assert marked > 0
+
+
+def test_gaps_and_bound_are_told_where_there_are_bounds(study: reader.Study, html: str):
+    pots, belt = (item.headline for item in study.chapters)
+    assert pots.bound is not None and belt.bound is None
+    assert pots.bound_words is not None and pots.bound_words.methods == ("a relaxation",)
+    assert pots.bound_words.proven == 0.5
+    assert "a relaxation" in html and "No bound is known for this tier" in html
+
+
+def test_headline_is_the_headline_scenario_with_most_seeds(study: reader.Study):
+    pots = study.chapters[0]
+    assert pots.headline.condition == POTS
+    assert [tier.condition for tier in pots.others] == [PHYSICS, ROW]
+
+
+def test_headline_is_the_simulated_one_when_seeds_are_as_many(tmp_path: Path):
+    records = [record(where, "fixed-order", seed) for where in (POTS, PHYSICS) for seed in range(2)]
+    assert reader.load(write(tmp_path / "tie", records)).chapters[0].headline.condition == PHYSICS
+
+
+def test_transfer_is_the_paired_difference_of_the_backends(study: reader.Study, html: str):
+    pots, belt = study.chapters
+    assert belt.transfer == ()
+    assert pots.compared == (POTS, PHYSICS)
+    moved = {move.policy: move for move in pots.transfer}
+    assert tuple(moved) == POLICIES[POTS]
+    for policy, move in moved.items():
+        each = [
+            record(PHYSICS, policy, seed)["scorecard"]["net_rate"] - record(POTS, policy, seed)["scorecard"]["net_rate"]
+            for seed in PHYSICS_SEEDS
+        ]
+        assert move.differences["net_rate"].value == pytest.approx(np.mean(each))
+        assert move.differences["net_rate"].n == len(PHYSICS_SEEDS)
+    assert "From the analytic backend to PyBullet" in html
+
+
+def test_stamp_says_where_it_comes_from(study: reader.Study, html: str):
+    for text in (
+        "9.8.7",
+        "0123abcd",
+        "0 to 7",
+        "Toy, 2 cores",
+        "2026-01-02 03:04:05",
+        "numpy 1.2.3",
+        "fieldgym report x",
+    ):
+        assert text in html
+    assert "absent" not in html
+
+
+def test_page_is_the_same_on_every_run(results: Path, html: str):
+    code = (
+        "import sys; from pathlib import Path; from fieldgym.benchmark.report import page, reader; "
+        "sys.stdout.write(page.render(reader.load(Path(sys.argv[1])), 'fieldgym report x'))"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": "7", "PYTHONUTF8": "1"}
+    again = subprocess.run(
+        [sys.executable, "-c", code, str(results)], capture_output=True, encoding="utf-8", env=environment, check=True
+    )
+    assert again.stdout == html
+
+
+def test_what_was_not_recorded_is_left_out(tmp_path: Path):
+    bare = []
+    for seed in range(2):
+        for policy in ("fixed-order", "nearest"):
+            item = record(POTS, policy, seed)
+            for name in ("curve", "timeline", "decision_p95_ms", "last_s", "decision_before_last_s"):
+                item.pop(name, None)
+            bare.append(item)
+    study = reader.load(write(tmp_path / "old", bare))
+    (tmp_path / "old" / MANIFEST).unlink()
+    html = page.render(reader.load(tmp_path / "old"), "x")
+    assert study.chapters[0].headline.curves == {} and study.chapters[0].headline.timelines == {}
+    assert "One episode, second by second" not in html and "Net rate over the episode" not in html
+    assert "Net rate against cycle time" in html
+    Tree().feed(html)
+
+
+@pytest.mark.parametrize("value", [None, 3, {}, {"phases": ["a"], "seconds": [[1.0, 2.0, 3.0]], "done": [1]}])
+def test_a_timeline_of_another_make_is_no_timeline(value: object):
+    assert episodes.parse_timeline("x", 0, value) is None
+
+
+def test_a_policy_that_finishes_nothing_is_shown_without_a_cycle(tmp_path: Path):
+    records = [record(POTS, policy, seed) for policy in ("fixed-order", "nearest") for seed in range(3)]
+    for item in records:
+        if item["policy"] == "nearest":
+            item["scorecard"].update(net_rate=0.0, cycle_time_s=0.0, done=0.0)
+    html = page.render(reader.load(write(tmp_path / "idle", records)), "x")
+    Tree().feed(html)
+    assert "nan" not in re.sub(r"<(script|style).*?</\1>", "", html, flags=re.DOTALL)
+
+
+def test_leaderboard_ranks_by_return_and_has_the_tables_figures(study: reader.Study):
+    text = leaderboard.render(study, "fieldgym report x --out y")
+    for item in study.chapters:
+        part = text.split(f"## {sections.name_of(item.task.id)}\n")[1].split("\n## ")[0]
+        lines = [line.split(" | ") for line in part.splitlines() if re.match(r"\| \d", line)]
+        names = [line[1].strip("*") for line in lines]
+        order = sorted(item.headline.rows, key=lambda row: -row.scores["return"].value)
+        assert names == [row.policy for row in order]
+        for line, row in zip(lines, order, strict=True):
+            assert line[2].split("<br>")[0] == leaderboard.COLUMNS[0].cell(row)[0]
+    assert "`fieldgym report x --out y`" in text and "Toy, 2 cores" in text
+    tables = re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE)
+    assert len(tables) == len(study.chapters)
+    assert all(len({line.count("|") for line in table.splitlines()}) == 1 for table in tables)
+
+
+def test_command_writes_both_files(results: Path, tmp_path: Path):
+    out, board = tmp_path / "deep" / "report.html", tmp_path / "docs" / "leaderboard.md"
+    words = ["report", str(results), "--out", str(out), "--leaderboard", str(board)]
+    done = CliRunner().invoke(cli.app, words)
+    assert done.exit_code == 0, done.output
+    assert out.read_text().startswith("<!DOCTYPE html>") and board.read_text().startswith("# Leaderboard")
+    assert str(out) in done.output and not list(tmp_path.rglob("*.tmp"))
+
+
+def test_command_says_what_is_wrong_in_a_line(tmp_path: Path):
+    with pytest.raises(ResultsError, match="no results in"):
+        reader.load(tmp_path)
+    (tmp_path / EPISODES).write_text("")
+    with pytest.raises(ResultsError, match="holds no finished episode"):
+        reader.load(tmp_path)
+    failed = CliRunner().invoke(cli.app, ["report", str(tmp_path / "nowhere")])
+    assert "no results in" in str(failed.exception) and "\n" not in str(failed.exception)
+
+
+def test_policies_that_meet_look_different():
+    groups = [["random", "first", *"abcdefgh"], ["random", "first", "c", "x", "learned"]]
+    styles = policy_styles(groups, ["first"])
+    for group in groups:
+        looks = [(styles[name].colour, styles[name].shape) for name in group]
+        assert len(set(looks)) == len(looks)
+    assert styles["first"].colour == "ink" and styles["learned"].colour == "orange"
+
+
+def test_every_registered_policy_has_a_colour_of_its_own_in_its_task(study: reader.Study):
+    from fieldgym.agents import policy_names
+    from fieldgym.envs import ENV_IDS
+
+    styles = page.styles_of(study)
+    for env_id in ENV_IDS:
+        colours = [styles[name].colour for name in policy_names(env_id)]
+        assert len(set(colours)) == len(colours), env_id
+
+
+def test_every_task_phase_has_a_kind_and_every_kind_a_colour():
+    css = (Path(page.__file__).parent / "page.css").read_text()
+    for phases in (("travel", "carry", "handle", "index", "wait"), ("new", "newer", "wait")):
+        kinds = phase_kinds(phases)
+        assert len(set(kinds.values())) == len(phases)
+        assert all(css.count(f"--p-{kind}:") == 2 and f"--t-{kind}:" in css for kind in kinds.values())
+
+
+def test_curve_holds_the_rate_after_each_decision():
+    recorder = TimelineRecorder()
+    for end, rate in ((10.0, 0.25), (20.0, 0.5), (40.0, 1.0)):
+        card = {"net_rate": rate, "done": 1, "damaged": 0, "duration_s": end}
+        recorder.add({"phases_s": {"work": 10.0}, "scorecard": card})
+    curve = recorder.curve()
+    assert len(curve) == CURVE_POINTS
+    assert [curve[i] for i in (0, 7, 8, 15, 16, 31, 32)] == [0.0, 0.0, 0.25, 0.25, 0.5, 0.5, 1.0]
+    assert TimelineRecorder().curve() == []
+
+
+def test_mean_curve_keeps_the_last_value_of_a_shorter_episode():
+    short = {"scorecard": {"duration_s": 10.0}, "curve": [0.0, 0.5]}
+    long = {"scorecard": {"duration_s": 20.0}, "curve": [0.0, 1.0]}
+    found = episodes.mean_curve([short, long])
+    assert found is not None
+    assert found.rate[-1] == pytest.approx(0.75)
+    assert np.interp(10.0, found.time_s, found.rate) == pytest.approx(0.5, abs=0.01)
+    assert found.end_s == 15.0 and found.episodes == 2
+
+
+@given(
+    milliseconds=st.lists(st.lists(st.integers(0, 9000), min_size=2, max_size=2), min_size=1, max_size=12),
+    width_s=st.floats(0.1, 7.0),
+    began_s=st.floats(0.0, 3.0),
+)
+def test_columns_hold_every_second_once(milliseconds: list[list[int]], width_s: float, began_s: float):
+    seconds = [[0.001 * number for number in row] for row in milliseconds]
+    value = {"phases": ["a", "b"], "seconds": seconds, "began_s": began_s}
+    found = episodes.parse_timeline("x", 0, value)
+    if found is None:
+        assert not any(map(any, milliseconds))
+        return
+    shares = gantt.binned(found, width_s)
+    assert shares.sum(axis=0) * width_s == pytest.approx(found.seconds.sum(axis=0), abs=1e-6)
+    assert shares.min() >= -1e-9 and shares.sum(axis=1).max() <= 1.0 + 1e-9
+
+
+@given(low=st.floats(-1e3, 1e3), span=st.floats(1e-3, 1e4), count=st.integers(3, 10), tight=st.booleans())
+def test_ticks_are_round_and_inside(low: float, span: float, count: int, tight: bool):
+    x = svg.axis(low, low + span, 0.0, 100.0, count, tight)
+    assert len(x.ticks) <= 2 * count + 3
+    assert all(x.low - 1e-6 * span <= tick <= x.high + 1e-6 * span for tick in x.ticks)
+    assert x(x.low) == pytest.approx(0.0) and x(x.high) == pytest.approx(100.0)
+    assert len({x.label(tick) for tick in x.ticks}) == len(x.ticks)
+
+
+def test_labels_keep_off_each_other():
+    anchors = [(100.0 + 3.0 * i, 100.0, f"policy-{i}") for i in range(5)]
+    taken = [svg.Box(x - 8, y - 8, 16, 16) for x, y, _ in anchors]
+    placed = svg.place_labels(anchors, taken, svg.Box(0, 0, 400, 300))
+    boxes = [svg.Box(x, y - 11.0, svg.text_width(text), 14.0) for x, y, text, _ in placed]
+    overlaps = [a.overlap(b) for i, a in enumerate(boxes) for b in boxes[i + 1 :]]
+    assert sum(overlaps) < 30.0
+
+
+def test_markup_escapes_texts_and_attributes():
+    assert tag("b", "<&>", title='"x" & y') == '<b title="&quot;x&quot; &amp; y">&lt;&amp;&gt;</b>'
+    assert tag("p", Markup("<i/>"), None, ["a", 1]) == "<p><i/>a1</p>"
+    assert tag("rect", x=1.50, y=-0.001, _class=None) == '<rect x="1.5" y="0"/>'
