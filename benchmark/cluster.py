@@ -51,7 +51,7 @@ def run_on_ray(
     Args:
         todo: what to run.
         run: runs one episode on a node.
-        jobs: episodes at a time; None for one a CPU of the cluster.
+        jobs: episodes at a time; None for as many as the cluster has CPUs.
         address: of a running cluster; None for the one that RAY_ADDRESS names, or else a new one on this machine.
         ray: the module, or what stands in for it.
 
@@ -68,8 +68,9 @@ def run_on_ray(
     try:
         # Ray's own second try would be silent: who loses workers is to be told.
         remote = ray.remote(num_cpus=1, max_retries=0)(_on_node)
-        at_once = jobs or max(int(ray.cluster_resources().get("CPU", 1)), 1)
-        yield from _all(ray, remote, deque(todo), run, 2 * at_once)
+        # Twice as many as there are CPUs are handed out, so that none waits for its next one.
+        at_once = jobs or 2 * max(int(ray.cluster_resources().get("CPU", 1)), 1)
+        yield from _all(ray, remote, deque(todo), run, at_once)
     finally:
         if ours:
             ray.shutdown()
