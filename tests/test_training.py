@@ -155,6 +155,32 @@ def test_plain_ppo_takes_the_mask_from_the_observation(tmp_path):
     assert train(ID, settings, tmp_path, threads=1).progress.steps == 128
 
 
+def test_a_pupil_begins_with_what_its_teacher_does(tmp_path):
+    pytest.importorskip("sb3_contrib")
+    from fieldgym.agents import make_policy
+    from fieldgym.agents.evaluation import evaluate
+    from fieldgym.agents.training import HELD_OUT_SEEDS, train
+
+    settings = TrainSettings.of(
+        {
+            **SMALL.as_dict(),
+            "teacher": "grams-per-second",
+            "teacher_decisions": 3000,
+            "teacher_epochs": 8,
+            "hidden": 32,
+            "steps": 128,
+        }
+    )
+    result = train(ID, settings, tmp_path, threads=1)
+    assert result.progress.taught > 0.9
+    seeds = range(HELD_OUT_SEEDS, HELD_OUT_SEEDS + settings.evaluation_episodes)
+    teacher = evaluate(lambda env: make_policy("grams-per-second", env), ID, seeds, scenario="pots")
+    assert result.curve[0]["steps"] == 0
+    assert result.curve[0]["return"] == pytest.approx(teacher.returns.mean(), abs=0.5)
+    with pytest.raises(ValueError, match="no episode ended within 16 decisions"):
+        train(ID, TrainSettings.of({**settings.as_dict(), "teacher_decisions": 16}), tmp_path / "short", threads=1)
+
+
 @pytest.mark.parametrize("env_id", ENV_IDS)
 def test_shipped_settings_fit_every_scenario(env_id):
     pytest.importorskip("yaml")
