@@ -41,7 +41,7 @@ WEED_GREEN, GRASS_GREEN, BEET, MAIZE = (
     (0.20, 0.47, 0.20, 1.0),
     (0.30, 0.55, 0.18, 1.0),
 )
-SCORCHED = (0.16, 0.12, 0.09, 1.0)
+SCORCHED = (0.07, 0.05, 0.04, 1.0)
 _BEHIND_M, _AHEAD_M, _REPLANT_M = 1.0, 1.3, 0.25
 _SENSOR_NOISE = 4.0
 _SHADE = 0.55
@@ -107,11 +107,13 @@ class FieldScene:
         front: the camera in front of the cart.
     """
 
-    mark_radius_m, mark_colour = 0.007, SCORCHED
+    mark_radius_m, mark_colour = 0.008, SCORCHED
     """Of the spots that the tool leaves on the ground."""
     side_eye_m = (0.30, -2.55, 1.55)
     """From what people are shown, ``side_middle_m`` above the row, to where they look from."""
     side_middle_m = 0.50
+    side_view_rad = np.deg2rad(36.0)
+    """How much they see from top to bottom."""
 
     def __init__(self, config: FieldConfig, camera_height_m: float, physics_hz: float, *, window: bool = False):
         """Make the client and the pools."""
@@ -161,12 +163,20 @@ class FieldScene:
         self._plant(self._cart_m)
         for pool in self._pools.values():
             pool.show(np.ones(len(pool.places), dtype=bool))
-        camera = Camera(width, height, np.deg2rad(36.0), 0.1, 14.0)
         middle = np.array([self._cart_m + 0.02, 0.0, self.side_middle_m])
         eye = middle + np.array(self.side_eye_m)
+        return self._show(Camera(width, height, self.side_view_rad, 0.1, 14.0), eye, middle)
+
+    def close_up(self, place: Array, width: int = 224, height: int = 168) -> NDArray[np.uint8]:
+        """Picture (height, width, 3) of what happens at a place (2,) on the ground, from behind it."""
+        middle = np.array([place[0], place[1], 0.015])
+        eye = middle + np.array([-0.13, -0.15, 0.15])
+        return self._show(Camera(width, height, np.deg2rad(40.0), 0.05, 3.0), eye, middle)
+
+    def _show(self, camera: Camera, eye: Array, middle: Array) -> NDArray[np.uint8]:
         frame = camera.look(self._client, eye, middle, np.array([0.0, 0.0, 1.0]), shadows=True)
         empty = frame.depth_m > 0.99 * camera.far_m
-        sky = np.linspace((176, 205, 232), (236, 241, 243), height).astype(np.uint8)
+        sky = np.linspace((176, 205, 232), (236, 241, 243), camera.height).astype(np.uint8)
         return np.where(empty[..., None], sky[:, None], frame.rgb)
 
     def dead_looks(self, at: Array, turn: Quaternion) -> tuple[Array, Quaternion, Rgba]:
@@ -260,6 +270,11 @@ class FieldScene:
 class WeederScene(FieldScene):
     """The strip with the laser over it, its beam, and the camera beside the laser."""
 
+    # From within the frame, behind the laser: neither wheel nor leg stands before the row.
+    side_eye_m = (-0.98, -0.36, 0.42)
+    side_middle_m = 0.39
+    side_view_rad = np.deg2rad(60.0)
+
     def __init__(
         self, config: WeedingConfig, parameters: WeederParameters, *, window: bool = False, machine: bool = True
     ):
@@ -271,6 +286,9 @@ class WeederScene(FieldScene):
         red = {"rgbaColor": [1.0, 0.05, 0.05, 0.55], "physicsClientId": self._client.id}
         shape = pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=0.003, length=1.0, **red)
         self._beam = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
+        glow = {"rgbaColor": [1.0, 0.85, 0.35, 1.0], "physicsClientId": self._client.id}
+        shape = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=0.0045, **glow)
+        self._spot = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
 
     def set_machine(self, cart_m: float, pose: ArrayLike, beam_on: bool = False) -> None:
         """Put the machine at a cart position and a pose of the mechanism, its beam on or off."""
@@ -280,15 +298,17 @@ class WeederScene(FieldScene):
         self._machine.place(cart_m, pose)
         at = [0.0, 0.0, -20.0]
         turn = [0.0, 0.0, 0.0, 1.0]
+        spot = at
         if beam_on:
             top = self._machine.platform_world()
             foot = np.array([*self._machine.beam_world(0.0), 0.0])
             ray = (foot - top) / np.linalg.norm(foot - top)
             # The visible beam is 1 m long and begins under the laser head; what is below ground is hidden.
-            middle = top + 0.2 * ray + 0.5 * ray
-            at = middle.tolist()
+            middle = top + 0.12 * ray + 0.5 * ray
+            at, spot = middle.tolist(), [*self._machine.beam_world(self._reach.target_height_m), 0.006]
             turn = upright_to(ray).tolist()
         pybullet.resetBasePositionAndOrientation(self._beam, at, turn, physicsClientId=self._client.id)
+        pybullet.resetBasePositionAndOrientation(self._spot, spot, turn, physicsClientId=self._client.id)
 
     def look_tool(self, centre: Array, spot: Array) -> RgbdFrame:
         """What the camera beside the laser sees from the platform's ``centre`` (3,) towards a place (2,)."""
