@@ -87,6 +87,7 @@ _POLICIES: dict[str, Callable[[], dict[str, Factory]]] = {
     "fieldgym/TrayTransplanting-v0": _transplanting,
     "fieldgym/LaserWeeding-v0": _weeding,
     "fieldgym/LaserWeedingSpeed-v0": _weeding_speed,
+    "fieldgym/HoeWeeding-v0": _weeding,
     "fieldgym/ProduceSorting-v0": _sorting,
 }
 _REFERENCES = {
@@ -94,6 +95,7 @@ _REFERENCES = {
     "fieldgym/TrayTransplanting-v0": "fixed-order",
     "fieldgym/LaserWeeding-v0": "fifo",
     "fieldgym/LaserWeedingSpeed-v0": "constant-1",
+    "fieldgym/HoeWeeding-v0": "fifo",
     "fieldgym/ProduceSorting-v0": "fifo",
 }
 

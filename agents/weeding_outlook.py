@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from ..envs.weeding.aim import LaserArm
 from ..envs.weeding.config import SPECIES, STAGES, WeedingConfig
+from ..envs.weeding.hoe import HoeArm, HoeProcess, crop_loss, label_mode, uproot_table
+from ..envs.weeding.hoe_config import HoeWeedingConfig
 from ..envs.weeding.process import LaserProcess, chance_table, label_dose
 
 Array = NDArray[np.float64]
@@ -64,5 +66,26 @@ def _laser(config: WeedingConfig) -> Outlook:
         energy_j=process.energy_j,
         chance=chance_table(numbers),
         label=np.array([[label_dose(numbers, i, j) for j in range(len(STAGES))] for i in range(len(SPECIES))]),
+        harm=harm,
+    )
+
+
+@outlook.register
+def _hoe(config: HoeWeedingConfig) -> Outlook:
+    numbers, process = config.process, HoeProcess(config.process)
+    # The loss falls to zero within the hoe's reach: half a millimetre between the gaps of the table is fine enough.
+    gaps = np.arange(0.0, process.work.reach_m + 1e-3, 5e-4)
+    losses = crop_loss(numbers, gaps)
+
+    def harm(gap_m: Array) -> Array:
+        return np.stack([np.interp(gap_m, gaps, losses[:, mode]) for mode in range(losses.shape[1])], axis=-1)
+
+    return Outlook(
+        arm=HoeArm.of(config.reach, config.cart.early_s),
+        lean_share=0.0,
+        work_s=process.work_s.sum(axis=1),
+        energy_j=process.energy_j,
+        chance=uproot_table(numbers),
+        label=np.array([[label_mode(numbers, i, j) for j in range(len(STAGES))] for i in range(len(SPECIES))]),
         harm=harm,
     )

@@ -1,28 +1,145 @@
-"""The Gymnasium environments of the laser weeder."""
+"""The Gymnasium environments of weeding: what all tools share, and the laser's own."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gymnasium.vector import AutoresetMode
 
-from ..core import BACKENDS, PERCEPTIONS, choice
+from ..core import BACKENDS, PERCEPTIONS, Executor, choice
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv, batched_perception
 from .aim import LaserArm
-from .config import SCENARIOS, PerceptionModel, WeedingConfig
+from .config import SCENARIOS, FieldTask, PerceptionModel, WeedingConfig
 from .executor import AnalyticWeeder, PyBulletWeeder
+from .hoe import HoeArm, HoeProcess
+from .hoe_config import HoeWeedingConfig
+from .hoe_executor import PyBulletHoe
 from .process import LaserProcess
 from .rules import WeederPlan
 from .task import WeederOutcome, WeedingCore
 
 if TYPE_CHECKING:
+    from .view import FieldView
+
+
+class Tool(NamedTuple):
+    """What makes a weeding environment of the rules.
+
+    Attributes:
+        config: type of its configuration.
+        core: makes the rules of a configuration, a perception and a number of worlds.
+        executor: makes the machine in PyBullet.
+        view: makes the rendered world; its last argument asks for a window.
+        corrects: whether a camera beside the tool corrects its aim.
+    """
+
+    config: type[FieldTask]
+    core: Callable[[Any, PerceptionModel | None, int], WeedingCore]
+    executor: Callable[[WeedingCore, Any], Executor[WeederPlan, WeederOutcome]]
+    view: Callable[[WeedingCore, Any, bool], FieldView[Any]]
+    corrects: bool
+
+
+def laser_core(config: WeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
+    """The weeding rules with the laser as their tool."""
+    arm = LaserArm.of(config.reach, config.cart.early_s)
+    return WeedingCore(config, arm, LaserProcess(config.process), perception, worlds)
+
+
+def hoe_core(config: HoeWeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
+    """The weeding rules with the hoe as their tool."""
+    arm = HoeArm.of(config.reach, config.cart.early_s)
+    return WeedingCore(config, arm, HoeProcess(config.process), perception, worlds)
+
+
+# Rendering and OpenCV load only where something is seen.
+
+
+def _laser_view(core: WeedingCore, config: WeedingConfig, window: bool) -> FieldView[Any]:
     from .view import WeederView
 
+    return WeederView(core, config, window)
 
-class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
+
+def _hoe_view(core: WeedingCore, config: HoeWeedingConfig, window: bool) -> FieldView[Any]:
+    from .hoe_view import HoeView
+
+    return HoeView(core, config, window)
+
+
+TOOLS = {
+    "laser": Tool(WeedingConfig, laser_core, PyBulletWeeder, _laser_view, True),
+    "hoe": Tool(HoeWeedingConfig, hoe_core, PyBulletHoe, _hoe_view, False),
+}
+
+
+class WeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
+    """One strip of field under one of the ``TOOLS``; the environments of the tools say what can be passed."""
+
+    speed_control = False
+
+    def __init__(
+        self,
+        tool: str,
+        scenario: str | None,
+        backend: str,
+        perception: str | None,
+        slots: int | None,
+        config: FieldTask | None,
+        render_mode: str | None,
+    ):
+        """Build the rules, the executor and, where asked for, the scene."""
+        parts = TOOLS[choice("tool", tool, tuple(TOOLS))]
+        chosen = configured(parts, config, scenario, slots, self.speed_control)
+        choice("backend", backend, BACKENDS)
+        perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
+        core = parts.core(chosen, perception_model(parts, perception), 1)
+        executor = AnalyticWeeder() if backend == "analytic" else parts.executor(core, chosen)
+        super().__init__(core, executor, partial(parts.view, core, chosen), perception == "camera", render_mode)
+
+    def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        """Carry out one decision; with a camera, the plant that is worked on is marked, its aim perhaps corrected.
+
+        Raises:
+            ValueError: the action is no integer of the action space.
+        """
+        if self._sensing:
+            view = self.view
+            assert hasattr(view, "attend")
+            view.attend(self._checked(action))  # type: ignore[attr-defined]
+        return super().step(action)
+
+
+class WeedingVectorEnv(TaskVectorEnv[WeederPlan, WeederOutcome]):
+    """``num_envs`` strips under one of the ``TOOLS`` in one batch, with the analytic backend."""
+
+    speed_control = False
+
+    def __init__(
+        self,
+        tool: str,
+        num_envs: int,
+        scenario: str | None,
+        backend: str,
+        perception: str | None,
+        slots: int | None,
+        config: FieldTask | None,
+        autoreset_mode: str | AutoresetMode,
+        render_mode: str | None,
+    ):
+        """Build the rules for all worlds."""
+        parts = TOOLS[choice("tool", tool, tuple(TOOLS))]
+        perception = batched_perception(backend, perception, render_mode)
+        chosen = configured(parts, config, scenario, slots, self.speed_control)
+        core = parts.core(chosen, perception_model(parts, perception), num_envs)
+        super().__init__(core, AnalyticWeeder(), autoreset_mode)
+
+
+class LaserWeedingEnv(WeedingEnv):
     """Burn weeds from a cart that never stops (``fieldgym/LaserWeeding-v0``).
 
     A cart drives along a crop row at a constant speed. A front camera finds plants, tracks carry them to the tool; a
@@ -68,8 +185,6 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
         ValueError: an argument is unknown or out of range; the message says what is allowed.
     """
 
-    speed_control = False
-
     def __init__(
         self,
         scenario: str | None = None,
@@ -79,25 +194,8 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
         config: WeedingConfig | None = None,
         render_mode: str | None = None,
     ):
-        """Build the rules, the executor and, where asked for, the scene."""
-        config = configured(config, scenario, slots, self.speed_control)
-        choice("backend", backend, BACKENDS)
-        perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
-        core = laser_core(config, perception_model(perception))
-        executor = AnalyticWeeder() if backend == "analytic" else PyBulletWeeder(core, config)
-        super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
-
-    def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Carry out one decision; with a camera, the tool camera corrects the aim on the way.
-
-        Raises:
-            ValueError: the action is no integer of the action space.
-        """
-        if self._sensing:
-            view = self.view
-            assert hasattr(view, "correct")
-            view.correct(self._checked(action))  # type: ignore[attr-defined]
-        return super().step(action)
+        """Build the environment; see the class."""
+        super().__init__("laser", scenario, backend, perception, slots, config, render_mode)
 
 
 class LaserWeedingSpeedEnv(LaserWeedingEnv):
@@ -115,14 +213,12 @@ class LaserWeedingSpeedEnv(LaserWeedingEnv):
     speed_control = True
 
 
-class LaserWeedingVectorEnv(TaskVectorEnv[WeederPlan, WeederOutcome]):
+class LaserWeedingVectorEnv(WeedingVectorEnv):
     """``num_envs`` worlds of ``fieldgym/LaserWeeding-v0`` in one batch, with the analytic backend.
 
     Args as in ``LaserWeedingEnv`` and ``TaskVectorEnv``. PyBullet machines run one a process: use
     ``vectorization_mode="async"`` for those.
     """
-
-    speed_control = False
 
     def __init__(
         self,
@@ -135,11 +231,8 @@ class LaserWeedingVectorEnv(TaskVectorEnv[WeederPlan, WeederOutcome]):
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
     ):
-        """Build the rules for all worlds."""
-        perception = batched_perception(backend, perception, render_mode)
-        config = configured(config, scenario, slots, self.speed_control)
-        core = laser_core(config, perception_model(perception), num_envs)
-        super().__init__(core, AnalyticWeeder(), autoreset_mode)
+        """Build the environment; see the class."""
+        super().__init__("laser", num_envs, scenario, backend, perception, slots, config, autoreset_mode, render_mode)
 
 
 class LaserWeedingSpeedVectorEnv(LaserWeedingVectorEnv):
@@ -148,33 +241,38 @@ class LaserWeedingSpeedVectorEnv(LaserWeedingVectorEnv):
     speed_control = True
 
 
-def laser_core(config: WeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
-    """The weeding rules with the laser as their tool."""
-    arm = LaserArm.of(config.reach, config.cart.early_s)
-    return WeedingCore(config, arm, LaserProcess(config.process), perception, worlds)
-
-
-def _make_view(core: WeedingCore, window: bool) -> WeederView:
-    # Rendering and OpenCV load only where something is seen.
-    from .view import WeederView
-
-    return WeederView(core, window)
-
-
 def configured(
-    config: WeedingConfig | None, scenario: str | None, slots: int | None, speed_control: bool = False
-) -> WeedingConfig:
-    """The configuration with a named scenario, a number of slots and the kind of action put in."""
+    tool: Tool, config: FieldTask | None, scenario: str | None, slots: int | None, speed_control: bool
+) -> FieldTask:
+    """The configuration with a named scenario, a number of slots and the kind of action put in.
+
+    Raises:
+        ValueError: the configuration is another tool's, or a name is unknown.
+    """
+    if config is not None and not isinstance(config, tool.config):
+        raise ValueError(f"config is a {type(config).__name__}: give a {tool.config.__name__}, or another tool")
     changes: dict[str, Any] = {"speed_control": speed_control}
     if scenario is not None:
         changes["scenario"] = SCENARIOS[choice("scenario", scenario, tuple(SCENARIOS))]
     if slots is not None:
         changes["slots"] = slots
-    return replace(config or WeedingConfig(), **changes)
+    return replace(config or tool.config(), **changes)
 
 
-def perception_model(perception: str) -> PerceptionModel | None:
+def perception_model(tool: Tool, perception: str) -> PerceptionModel | None:
     """Statistics behind a perception level; None when tracks come from a camera."""
     if perception == "camera":
         return None
-    return PerceptionModel.perfect() if perception == "perfect" else PerceptionModel.measured()
+    if perception == "perfect":
+        return PerceptionModel.perfect()
+    return PerceptionModel.measured() if tool.corrects else uncorrected(PerceptionModel.measured())
+
+
+@lru_cache(maxsize=1)
+def uncorrected(model: PerceptionModel) -> PerceptionModel:
+    """The model of the same cameras where none looks from beside the tool: it works where the tracks say."""
+
+    def blind(classes: tuple[tuple[tuple[float, ...], ...], ...]) -> tuple[tuple[tuple[float, ...], ...], ...]:
+        return tuple(tuple((*row[:4], 0.0, *row[5:]) for row in rows) for rows in classes)
+
+    return replace(model, sightings=blind(model.sightings), false_sightings=blind(model.false_sightings))

@@ -1,131 +1,197 @@
-"""The hoe: how it moves and what it does to plants, as a machine and a process of the weeding rules.
+"""The hoe as a tool of the weeding rules: how it gets to a plant, and what stirring there does to roots.
 
-A round blade is plunged beside the plant, led once around it and lifted. What it sweeps is a disc about the aim; what
-counts is how much of a plant's root zone, a disc about its stem, lies within it, and how deep the blade went.
-
-Sources of the process's numbers:
-
-- Kurstjens, Perdok, Goense 2000, Selective uprooting by weed harrowing on sandy soils, Weed Research 40:431-447.
-- Tillett, Hague, Grundy, Dedousis 2008, Mechanical within-row weed control for transplanted crops using computer
-  vision, Biosystems Engineering 99:171-178: 62-87 % fewer weeds around the crop plants.
-- "Informing the operation of intelligent automated intrarow weeding machines in direct-sown sugar beet: effects of
-  hoeing and flaming across early growth stages, tool working distances, and intensities": pot experiments.
-- Reiser et al. 2019, Agriculture 9:18, a rotary intra-row weeder on a robot: 40 mm deep.
+What the blade sweeps is a disc about the aim. A plant's root zone is a disc about its stem; the dose is the depth of
+the blade times the share of the root zone that was swept, in metres. Doses add up.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import acos, inf, pi, sqrt
+import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ...motion import QUINTIC
+from ..compiled import compiled
 from ..core import Array
+from .config import SPECIES, STAGES
+from .hoe_config import INTENSITIES, PHASES, HoeProcessConfig, HoeReach
+from .process import LABEL_KILL
+from .tool import Approach, Place, bind
 
-INTENSITIES = ("gentle", "normal", "deep")
-PHASES = ("plunge", "stir", "lift")
+EXPECTED_SHARE = 0.95
+"""Share of the root zone that a stir sweeps at the front camera's and the odometry's error; for choosing
+intensities only."""
 
-
-@dataclass(frozen=True)
-class HoeConfig:
-    """Uprooting one weed: the blade, the three intensities, and what plants can take."""
-
-    depth_m: tuple[float, float, float] = (0.012, 0.022, 0.035)
-    """Depth of the blade at the intensities gentle, normal, deep [assumed, within the published 10-40 mm]."""
-    stir_radius_m: tuple[float, float, float] = (0.005, 0.009, 0.013)
-    """Radius of the circle that the blade is led on [assumed]."""
-    blade_radius_m: float = 0.014
-    """Radius of the round blade [assumed; at least as large as the circle, so that nothing in its middle is left]."""
-    clearance_m: float = 0.055
-    """Height of the blade over the ground when it moves from plant to plant [assumed: over the leaves]."""
-    plunge_velocity_m_s: float = 1.0
-    plunge_acceleration_m_s2: float = 10.0
-    """Limits of plunge and lift [assumed]."""
-    stir_velocity_m_s: float = 0.6
-    stir_acceleration_m_s2: float = 10.0
-    """Limits of the blade on its circle [assumed]."""
-    soil_resistance_pa: float = 4.0e4
-    """Resistance of the soil per area that the blade meets, its width x its depth [assumed: a loose seedbed]."""
-    root_m: tuple[float, float, float] = (0.006, 0.010, 0.016)
-    """Radius of a weed's root zone by stage [assumed]."""
-    depth50_m: float = 0.006
-    """Depth, over the whole root zone, that uproots half of the two-leaf broadleaves [assumed: a normal stir that is
-    well aimed then takes five of six of them; within-row hoes take 62-87 % of all weeds: published]."""
-    slope: float = 1.3
-    """Steepness of the logistic in ln(depth) [identified: from 10 to 30 mm the share of uprooted plants doubles, at
-    51 % on average (Kurstjens et al. 2000)]."""
-    stage_factor: tuple[float, float, float] = (0.5, 1.0, 2.0)
-    """Depth at cotyledon, two-leaf and four-leaf stage relative to two-leaf [assumed; roots hold better: published]."""
-    grass_factor: float = 1.3
-    """Depth of grasses relative to broadleaves [assumed; their tufted roots hold better]."""
-    crop_root_m: float = 0.010
-    """Radius of a crop plant's root zone [published: beets were hoed up to 10 mm from their middle without harm]."""
-    crop_depth50_m: float = 0.012
-    """Depth over its whole root zone that loses half of the crop plants [assumed: as a four-leaf weed]."""
-    crop_slope: float = 2.0
-    """Steepness for crop plants [assumed]."""
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        for name, value in vars(self).items():
-            values = value if isinstance(value, tuple) else (value,)
-            if len(values) != (3 if isinstance(getattr(type(self), name), tuple) else 1):
-                raise ValueError(f"HoeConfig.{name} = {value}: give three numbers")
-            if not all(0.0 < v < inf for v in values):
-                raise ValueError(f"HoeConfig.{name} = {value}: give positive, finite numbers")
-        if max(self.stir_radius_m) > self.blade_radius_m:
-            raise ValueError(
-                f"stir_radius_m = {self.stir_radius_m}: at most blade_radius_m = {self.blade_radius_m}, or the "
-                "middle of the circle would be left unworked"
-            )
-
-    @property
-    def sweep_m(self) -> Array:
-        """Radius (3,) of the disc that is worked, by intensity."""
-        return np.asarray(self.stir_radius_m) + self.blade_radius_m
-
-    @property
-    def work_s(self) -> Array:
-        """Seconds (3, 3) of plunge, stir and lift, by intensity."""
-        plunge = [
-            float(QUINTIC.duration(self.clearance_m + depth, self.plunge_velocity_m_s, self.plunge_acceleration_m_s2))
-            for depth in self.depth_m
-        ]
-        stir = [circle_s(r, self.stir_velocity_m_s, self.stir_acceleration_m_s2) for r in self.stir_radius_m]
-        return np.column_stack([plunge, stir, plunge])
-
-    @property
-    def energy_j(self) -> Array:
-        """Work (3,) against the soil, by intensity: down, once around, and up again."""
-        depth, radius = np.asarray(self.depth_m), np.asarray(self.stir_radius_m)
-        force = self.soil_resistance_pa * 2.0 * self.blade_radius_m * depth
-        # On the way down and up the force grows and falls with the depth.
-        return force * (2.0 * pi * radius + depth)
+TOUCH_M = 1e-9
+"""Discs whose edges are this near to touching from within count as touching: rounding stays out of the lens."""
 
 
-def circle_s(radius_m: float, velocity_m_s: float, acceleration_m_s2: float) -> float:
-    """Seconds of one turn from rest to rest on a circle, the angle on the quintic law, under the two limits.
+class HoeArm(NamedTuple):
+    """The 3-PRRS with its hoe in the shape that kernels take (see ``Arm``); nothing leans, so a place has no lean.
 
-    With angle 2 pi s(tau) the speed is 2 pi r s' / T, the acceleration 2 pi r hypot(s'', 2 pi s'^2) / T^2.
+    Attributes:
+        front_m: see ``HoeReach``.
+        half_width_m: see ``HoeReach``.
+        scale: ranges of the place's coordinates; the lean, always zero, is divided by one.
+        travel_m: see ``HoeReach``.
+        early_s: longest wait for a target in front of the window.
+        pace_s_m: seconds a metre at the velocity limit.
+        square_pace_s2_m: seconds squared a metre at the acceleration limit.
     """
-    tau = np.linspace(0.0, 1.0, 2001)
-    law = QUINTIC.sample(tau, 1.0, 1.0)
-    pull = np.hypot(law.acceleration, 2.0 * pi * law.velocity**2).max()
-    way = 2.0 * pi * radius_m
-    return max(QUINTIC.peak_velocity * way / velocity_m_s, sqrt(way * float(pull) / acceleration_m_s2))
+
+    front_m: float
+    half_width_m: float
+    scale: tuple[float, float, float]
+    travel_m: float
+    early_s: float
+    pace_s_m: float
+    square_pace_s2_m: float
+
+    @classmethod
+    def of(cls, reach: HoeReach, early_s: float) -> HoeArm:
+        """The numbers of a configuration."""
+        travel, width = float(reach.travel_m), float(reach.half_width_m)
+        pace, square = QUINTIC.paces(reach.velocity_m_s, reach.acceleration_m_s2)
+        return cls(travel, width, (travel, 1.0, width), travel, float(early_s), float(pace), float(square))
 
 
+@compiled
+def move_time(arm: HoeArm, carrier_m: float, lean_m: float, across_m: float) -> float:
+    """Seconds of a straight move; along and across keep the limits by themselves."""
+    way = max(abs(carrier_m), abs(across_m))
+    return max(way * arm.pace_s_m, math.sqrt(way * arm.square_pace_s2_m))
+
+
+@compiled
+def approach(
+    arm: HoeArm, stand_s: float, place: Place, cart_m: float, speed_m_s: float, along_m: float, across_m: float
+) -> Approach:
+    """How the hoe would work on one target; see ``tool.approach``. The blade follows the plant for the whole time."""
+    move_s = move_time(arm, along_m - place[0], 0.0, across_m - place[2])
+    ahead = along_m - cart_m
+    wait_s = max((ahead - arm.travel_m) / speed_m_s - move_s, 0.0)
+    behind = ahead - speed_m_s * (move_s + wait_s) - speed_m_s * stand_s
+    legal = behind >= -arm.travel_m and wait_s <= arm.early_s and abs(across_m) <= arm.half_width_m
+    return Approach(along_m, 0.0, across_m, move_s, wait_s, legal)
+
+
+@compiled
+def ready(arm: HoeArm, cart_m: float) -> tuple[float, float, float]:
+    """Place of the waiting blade: near the window's front edge, where the next weed comes in."""
+    return cart_m + 0.8 * arm.travel_m, 0.0, 0.0
+
+
+bind(HoeArm, approach, move_time, ready)
+
+
+class Stir(NamedTuple):
+    """A stir in the shape that kernels take (see ``Work``).
+
+    Attributes:
+        depth_m: by intensity.
+        sweep_m: radius of the swept disc, by intensity.
+        root_m: radius of the root zone, by kind of plant.
+        reach_m: beyond this distance no root zone is touched.
+    """
+
+    depth_m: tuple[float, float, float]
+    sweep_m: tuple[float, float, float]
+    root_m: tuple[float, float, float, float]
+    reach_m: float
+
+    @classmethod
+    def of(cls, process: HoeProcessConfig) -> Stir:
+        """The numbers of a configuration."""
+        gentle, normal, deep = map(float, process.depth_m)
+        sweep = process.sweep_m.tolist()
+        a, b, c = map(float, process.root_m)
+        d = float(process.crop_root_m)
+        return cls((gentle, normal, deep), (sweep[0], sweep[1], sweep[2]), (a, b, c, d), max(sweep) + max(a, b, c, d))
+
+
+@compiled
 def covered_share(sweep_m: float, root_m: float, distance_m: float) -> float:
-    """Share of a root zone (disc of radius ``root_m``) within the swept disc, their middles ``distance_m`` apart.
+    """Share of a root zone within the swept disc, the middles of the two discs a distance apart: their lens.
 
-    The two discs' lens over the root zone's area.
+    Args:
+        sweep_m: radius of the swept disc.
+        root_m: radius of the root zone.
+        distance_m: between their middles.
     """
     if distance_m >= sweep_m + root_m:
         return 0.0
-    if distance_m <= abs(sweep_m - root_m):
-        return 1.0 if sweep_m >= root_m else (sweep_m / root_m) ** 2
-    a = (distance_m * distance_m + root_m * root_m - sweep_m * sweep_m) / (2.0 * distance_m * root_m)
-    b = (distance_m * distance_m + sweep_m * sweep_m - root_m * root_m) / (2.0 * distance_m * sweep_m)
-    lens = root_m * root_m * (acos(a) - a * sqrt(1.0 - a * a)) + sweep_m * sweep_m * (acos(b) - b * sqrt(1.0 - b * b))
-    return lens / (pi * root_m * root_m)
+    if distance_m <= abs(sweep_m - root_m) + TOUCH_M:
+        return min(1.0, (sweep_m / root_m) ** 2)
+    # Cosines of half the angle that the lens takes of each disc; each disc adds a sector less a triangle.
+    square = distance_m * distance_m
+    root = min((square + root_m * root_m - sweep_m * sweep_m) / (2.0 * distance_m * root_m), 1.0)
+    sweep = min((square + sweep_m * sweep_m - root_m * root_m) / (2.0 * distance_m * sweep_m), 1.0)
+    lens = root_m * root_m * (math.acos(root) - root * math.sqrt(1.0 - root * root))
+    lens += sweep_m * sweep_m * (math.acos(sweep) - sweep * math.sqrt(1.0 - sweep * sweep))
+    return lens / (math.pi * root_m * root_m)
+
+
+@compiled
+def dose(work: Stir, mode: int, along_m: float, across_m: float, kind: int) -> float:
+    """Depth over the root zone of a plant at an offset from the stir's middle, metres."""
+    distance = math.sqrt(along_m * along_m + across_m * across_m)
+    return work.depth_m[mode] * covered_share(work.sweep_m[mode], work.root_m[kind], distance)
+
+
+bind(Stir, dose)
+
+
+def depth50_m(process: HoeProcessConfig, species: ArrayLike, stage: ArrayLike) -> Array:
+    """Depth (...) over the root zone that uproots half of a kind (indices into ``SPECIES`` and ``STAGES``)."""
+    factor = np.asarray(process.stage_factor)[np.asarray(stage)]
+    return process.depth50_m * factor * np.where(np.asarray(species) == 1, process.grass_factor, 1.0)
+
+
+def uproot_probability(process: HoeProcessConfig, dose_m: ArrayLike, species: ArrayLike, stage: ArrayLike) -> Array:
+    """Logistic in the logarithm of the dose; shapes broadcast."""
+    ratio = depth50_m(process, species, stage) / np.maximum(dose_m, 1e-9)
+    return 1.0 / (1.0 + ratio**process.slope)
+
+
+def uproot_table(process: HoeProcessConfig) -> Array:
+    """Expected probability (species, stage, intensity) that a stir at the usual aim error uproots a weed."""
+    species, stage = np.meshgrid(np.arange(len(SPECIES)), np.arange(len(STAGES)), indexing="ij")
+    doses = EXPECTED_SHARE * np.asarray(process.depth_m)
+    return uproot_probability(process, doses, species[..., None], stage[..., None])
+
+
+def label_mode(process: HoeProcessConfig, species: int, stage: int) -> int:
+    """Lowest intensity that is expected to uproot four of five weeds of a kind, else the deepest."""
+    enough = np.flatnonzero(uproot_table(process)[species, stage] >= LABEL_KILL)
+    return int(enough[0]) if len(enough) else len(INTENSITIES) - 1
+
+
+def crop_loss(process: HoeProcessConfig, gap_m: ArrayLike) -> Array:
+    """Probability (..., 3) that a stir at distances (...) from a crop plant loses it, by intensity."""
+    gap = np.atleast_1d(np.asarray(gap_m, dtype=np.float64))
+    share = np.array([[covered_share(r, process.crop_root_m, d) for r in process.sweep_m] for d in gap.ravel()])
+    depth = np.asarray(process.depth_m) * share.reshape(*gap.shape, 3)
+    return 1.0 / (1.0 + (process.crop_depth50_m / np.maximum(depth, 1e-9)) ** process.crop_slope)
+
+
+class HoeProcess:
+    """The hoe as a weeding process (see ``WeedingProcess``): plunge, one turn, lift. There is no tool camera."""
+
+    modes = INTENSITIES
+    phases = PHASES
+
+    def __init__(self, config: HoeProcessConfig):
+        """Tabulate by intensity."""
+        self.config = config
+        self.work = Stir.of(config)
+        self.energy_j, self.work_s = config.energy_j, config.work_s
+
+    def tolerance(self, species: NDArray[np.int64], stage: NDArray[np.int64], luck: Array) -> Array:
+        """Dose (...) that uproots each weed: the logistic's quantile."""
+        return depth50_m(self.config, species, stage) * (luck / (1.0 - luck)) ** (1.0 / self.config.slope)
+
+    def crop_tolerance(self, luck: Array) -> Array:
+        """Dose (...) from which each crop plant is lost."""
+        return self.config.crop_depth50_m * (luck / (1.0 - luck)) ** (1.0 / self.config.crop_slope)

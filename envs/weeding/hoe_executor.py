@@ -9,9 +9,9 @@ from ...simulation.hoe import HoeMachine
 from ...simulation.hoe_model import HoeParameters
 from ...simulation.prrs import PrrsMotionReport
 from ..core import Array, Rows
-from .config import WeedingConfig
-from .hoe import HoeConfig
-from .task import WAIT, WeederOutcome, WeederPlan, WeedingCore
+from .hoe_config import HoeProcessConfig, HoeWeedingConfig
+from .rules import WAIT, WeederPlan
+from .task import WeederOutcome, WeedingCore
 
 _LOOK_EVERY = 6
 """Steps between two looks at the blade while it stirs: forty a second."""
@@ -24,22 +24,22 @@ class PyBulletHoe:
     whole steps: a decision takes up to one step longer than its plan.
     """
 
-    def __init__(self, core: WeedingCore):
+    def __init__(self, core: WeedingCore, config: HoeWeedingConfig):
         """Build the machine for the rules' single world."""
         if core.worlds != 1:
             raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
-        self._core = core
-        self._hoe = hoe_config(core.config)
-        self._machine = HoeMachine(hoe_parameters(core.config))
+        self._core, self._hoe = core, config.process
+        self._machine = HoeMachine(hoe_parameters(config))
         self._dt = 1.0 / self._machine.parameters.physics_hz
         self.last_report: PrrsMotionReport | None = None
 
     def reset_rows(self, rows: Rows) -> None:
         """Put the machine where the rules say it stands, its blade up."""
         if len(rows):
-            along, _, across = self._core.place[0]
+            state = self._core.state
+            along, _, across = state.place[0]
             tip = np.array([[along, across, self._hoe.clearance_m]])
-            self._machine.reset(poses(self._machine.parameters, tip, self._core.cart[:1])[0])
+            self._machine.reset(poses(self._machine.parameters, tip, state.cart[:1])[0])
 
     def execute(self, plan: WeederPlan) -> WeederOutcome:
         """Drive the motion and say where the blade's circle really was, on average, while it stirred."""
@@ -73,16 +73,9 @@ class PyBulletHoe:
         self._machine.close()
 
 
-def hoe_config(config: WeedingConfig) -> HoeConfig:
-    """The configuration's process, which must be the hoe's."""
-    if not isinstance(config.process, HoeConfig):
-        raise TypeError(f"process = {type(config.process).__name__}: the hoe needs a HoeConfig")
-    return config.process
-
-
-def hoe_parameters(config: WeedingConfig) -> HoeParameters:
+def hoe_parameters(config: HoeWeedingConfig) -> HoeParameters:
     """The machine's parameters under the configuration's hoe and camera."""
-    hoe = hoe_config(config)
+    hoe = config.process
     return HoeParameters(
         blade_radius_m=hoe.blade_radius_m,
         soil_resistance_pa=hoe.soil_resistance_pa,
@@ -99,7 +92,7 @@ def poses(parameters: HoeParameters, tip: Array, cart_m: Array) -> Array:
     return pose
 
 
-def tip_way(hoe: HoeConfig, plan: WeederPlan, phases_s: Array, time_s: Array) -> Array:
+def tip_way(hoe: HoeProcessConfig, plan: WeederPlan, phases_s: Array, time_s: Array) -> Array:
     """World places (n, 3) of the blade's underside in one world's decision at times (n,) from its beginning.
 
     The move, stretched over the wait for the weed's entering the window, is a straight line over ground at the
@@ -124,7 +117,7 @@ def tip_way(hoe: HoeConfig, plan: WeederPlan, phases_s: Array, time_s: Array) ->
 
 
 def check_reach(
-    parameters: HoeParameters, hoe: HoeConfig, travel_m: float, half_width_m: float, excess_m: float
+    parameters: HoeParameters, hoe: HoeProcessConfig, travel_m: float, half_width_m: float, excess_m: float
 ) -> dict[str, float]:
     """Smallest margins of the mechanism over all that the hoe may command, metres and radians.
 

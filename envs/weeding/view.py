@@ -1,8 +1,10 @@
-"""The weeder's cameras at work: tracks for the rules, corrections of the aim, and pictures for people."""
+"""The weeders' cameras at work: tracks for the rules, the laser's corrections of the aim, pictures for people."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from typing import Generic, TypeVar
 
 import cv2
 import numpy as np
@@ -11,9 +13,10 @@ from numpy.typing import NDArray
 from ...perception.weeds import Seedlings, WeedDetectorSettings, WeedTracker, detect_seedlings
 from ..core import Array, StepResult
 from .aim import poses
+from .config import WeedingConfig
 from .executor import trajectory, weeder_parameters
 from .rules import WAIT, WeederPlan
-from .scene import WeederScene
+from .scene import FieldScene, WeederScene
 from .task import WeedingCore
 
 FRAME_EVERY_M = 0.06
@@ -35,7 +38,7 @@ DRIFT_SHARE = 0.01
 class FrontCamera:
     """Pictures while driving, tracks, and the odometry that carries them on; one strip of one world."""
 
-    def __init__(self, scene: WeederScene, start_m: float, drift: float):
+    def __init__(self, scene: FieldScene, start_m: float, drift: float):
         """Begin before the strip: the machine has been driving for a camera's view already."""
         self._scene, self._drift = scene, drift
         self.tracker = WeedTracker()
@@ -61,18 +64,35 @@ class FrontCamera:
         return track_place + np.array([self._drift * (cart_m - last_m), 0.0])
 
 
-class WeederView:
-    """Scenes of one world of the rules; follows the rules' state by itself."""
+SceneT = TypeVar("SceneT", bound=FieldScene)
+Show = Callable[[SceneT], None]
+"""Puts the machine of a scene where it is at some time."""
+
+
+class FieldView(ABC, Generic[SceneT]):
+    """Scenes of one world of the rules; follows the rules' state by itself. Each tool adds its machine."""
 
     def __init__(self, core: WeedingCore, window: bool = False):
         """Build nothing yet: scenes come with the first look or picture."""
         self._core, self._window = core, window
-        self._eyes: WeederScene | None = None
-        self._stage: WeederScene | None = None
+        self._eyes: SceneT | None = None
+        self._stage: SceneT | None = None
         self._front: FrontCamera | None = None
         self._loaded: tuple[int, ...] = ()
         self._listed: list[int] = []
-        self._burnt: list[Array] = []
+        self._marks: list[Array] = []
+
+    @abstractmethod
+    def make_scene(self, machine: bool) -> SceneT:
+        """A scene for the cameras, or one for people with the machine in it."""
+
+    @abstractmethod
+    def standing(self) -> Show[SceneT]:
+        """The machine as it stands now."""
+
+    @abstractmethod
+    def moving(self, plan: WeederPlan, phases_s: Array, time_s: Array) -> Iterator[Show[SceneT]]:
+        """The machine at times (n,) of a decision that took ``phases_s`` (1, P)."""
 
     def sense(self) -> None:
         """Take the pictures that are due and hand the rules all tracks that are known by now."""
@@ -101,56 +121,38 @@ class WeederView:
         done = crop | np.array([t.treated or t.is_doubtful for t in listed], bool) | (np.abs(place[:, 1]) > half)
         core.receive(0, place, votes.sum(axis=2).argmax(axis=1), votes.sum(axis=1).argmax(axis=1), gap, done)
 
-    def correct(self, action: int) -> None:
-        """Have the tool camera look at the weed that an action fires at, and correct the rules' aim."""
+    def attend(self, action: int) -> int | None:
+        """Note which plant an action works on; gives its track among the listed ones, None where it works on none."""
         core = self._core
         option = action % core.base_actions
         if option == core.base_actions - 1 or not core.option_legal(0, option) or self._front is None:
-            return
-        index = int(core.state.slot_track[0, option // 3])
-        told = core.state.track_report[0, index]
-        aim = self.tool_aim(told)
-        tracks = self._front.tracker.tracks
-        tracks[self._listed[index]].treated = True
-        if aim is None:
-            return
-        core.correct(0, index, aim)
-        # A plant that fell apart in the front camera's pictures has several tracks: one shot is for all of them.
-        n = len(self._listed)
-        same = np.hypot(*(core.state.track_report[0, :n] - aim).T) <= SAME_M
-        for i in np.flatnonzero(same).tolist():
-            tracks[self._listed[i]].treated = True
-
-    def tool_aim(self, told: Array) -> Array | None:
-        """Where the tool camera sees the plant that it was sent to, (2,), or None."""
-        reach = self._core.config.reach
-        centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
-        frame = self.camera_scene().look_tool(centre, told)
-        camera = frame.camera
-        found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera, settings=TOOL_SETTINGS)
-        if not len(found.position):
             return None
-        gap = np.hypot(*(found.position - told).T)
-        nearest = int(gap.argmin())
-        return found.position[nearest] if gap[nearest] <= TOOL_GATE_M else None
+        index = int(core.state.slot_track[0, option // 3])
+        self._front.tracker.tracks[self._listed[index]].treated = True
+        self._treat_near(core.state.track_report[0, index])
+        return index
+
+    def _treat_near(self, place: Array) -> None:
+        """A plant that fell apart in the front camera's pictures has several tracks: one treatment is for them all."""
+        if self._front is None:
+            return
+        n = len(self._listed)
+        same = np.hypot(*(self._core.state.track_report[0, :n] - place).T) <= SAME_M
+        for i in np.flatnonzero(same).tolist():
+            self._front.tracker.tracks[self._listed[i]].treated = True
 
     def frame(self) -> NDArray[np.uint8]:
         """Picture of the present state."""
-        core = self._core
-        return self._draw(float(core.state.cart[0]), core.state.place[0], False)
+        return self._draw(self.standing())
 
     def frames(self, plan: WeederPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
-        """Pictures of a decision at a steady rate; the beam is on while it burns."""
+        """Pictures of a decision at a steady rate; what it did to the ground is shown from its beginning."""
         phases = result.phases_s
-        total = float(phases[0].sum())
-        time = np.arange(0.0, total, 1.0 / frames_per_second)
-        cart, beam = trajectory(self._core.config, plan, phases, time)
-        works = bool(plan.kind[0] < WAIT)
-        burns = works & (time >= total - float(phases[0, 3]))
-        if works:
-            self._burnt.append(plan.aim[0].copy())
-        for x, coordinates, on in zip(cart, beam, burns, strict=True):
-            yield self._draw(float(x), coordinates, bool(on))
+        time = np.arange(0.0, float(phases[0].sum()), 1.0 / frames_per_second)
+        if plan.kind[0] < WAIT:
+            self._marks.append(plan.aim[0].copy())
+        for show in self.moving(plan, phases, time):
+            yield self._draw(show)
 
     def close(self) -> None:
         """Close the scenes; idempotent."""
@@ -158,20 +160,18 @@ class WeederView:
             if scene is not None:
                 scene.close()
 
-    def _draw(self, cart_m: float, beam: Array, on: bool) -> NDArray[np.uint8]:
+    def _draw(self, show: Show[SceneT]) -> NDArray[np.uint8]:
         core = self._core
         if self._stage is None:
-            parameters = weeder_parameters(core.config)
-            self._stage = WeederScene(core.config, parameters, window=self._window)
+            self._stage = self.make_scene(machine=True)
             self._loaded = ()
         if self._loaded != self._identity():
             self.show_strip(self._stage)
-            self._loaded, self._burnt = self._identity(), []
+            self._loaded, self._marks = self._identity(), []
         dead = core.state.plant_dose[0] >= core.state.plant_tolerance[0]
         exists, end = core.plant_exists[0, : core.weeds_end], core.weeds_end
-        self._stage.set_dead(dead[:end][exists], dead[end:], self._burnt)
-        pose = poses(core.config.reach, beam[None], np.array([cart_m]))[0]
-        self._stage.set_machine(cart_m, pose, on)
+        self._stage.set_dead(dead[:end][exists], dead[end:], self._marks)
+        show(self._stage)
         return self._dress(self._stage.render())
 
     def _dress(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -201,13 +201,13 @@ class WeederView:
         gone = core.state.plant[0, : core.weeds_end, 0] < core.state.cart[0] - core.machine.front_m
         return gone | (core.state.plant_dose[0] >= core.state.plant_tolerance[0])[: core.weeds_end]
 
-    def camera_scene(self) -> WeederScene:
-        """The scene that both cameras look at; the machine is left out of it."""
+    def camera_scene(self) -> SceneT:
+        """The scene that the cameras look at; the machine is left out of it."""
         if self._eyes is None:
-            self._eyes = WeederScene(self._core.config, weeder_parameters(self._core.config), machine=False)
+            self._eyes = self.make_scene(machine=False)
         return self._eyes
 
-    def show_strip(self, scene: WeederScene) -> None:
+    def show_strip(self, scene: FieldScene) -> None:
         """Load the rules' present strip into a scene."""
         core, end = self._core, self._core.weeds_end
         exists = core.plant_exists[0, :end]
@@ -225,3 +225,56 @@ class WeederView:
 
     def _new_episode(self) -> bool:
         return bool(self._core.state.totals[0, 0] == 0.0)
+
+
+class WeederView(FieldView[WeederScene]):
+    """The laser's strip, with the camera that corrects its aim."""
+
+    def __init__(self, core: WeedingCore, config: WeedingConfig, window: bool = False):
+        """Build nothing yet: scenes come with the first look or picture."""
+        super().__init__(core, window)
+        self._config = config
+
+    def make_scene(self, machine: bool) -> WeederScene:
+        """A scene for the cameras, or one for people with the machine in it."""
+        config = self._config
+        return WeederScene(config, weeder_parameters(config), window=machine and self._window, machine=machine)
+
+    def standing(self) -> Show[WeederScene]:
+        """The machine as it stands now, its beam off."""
+        state = self._core.state
+        return self._show(float(state.cart[0]), state.place[0], False)
+
+    def moving(self, plan: WeederPlan, phases_s: Array, time_s: Array) -> Iterator[Show[WeederScene]]:
+        """The machine at times (n,) of a decision; the beam is on while it burns."""
+        cart, beam = trajectory(self._config, plan, phases_s, time_s)
+        burns = (plan.kind[0] < WAIT) & (time_s >= float(phases_s[0].sum() - phases_s[0, 3]))
+        for x, coordinates, on in zip(cart.tolist(), beam, burns.tolist(), strict=True):
+            yield self._show(x, coordinates, on)
+
+    def attend(self, action: int) -> int | None:
+        """Have the tool camera look at the weed that an action fires at, and correct the rules' aim."""
+        index = super().attend(action)
+        if index is not None:
+            aim = self.tool_aim(self._core.state.track_report[0, index])
+            if aim is not None:
+                self._core.correct(0, index, aim)
+                self._treat_near(aim)
+        return index
+
+    def tool_aim(self, told: Array) -> Array | None:
+        """Where the tool camera sees the plant that it was sent to, (2,), or None."""
+        reach = self._config.reach
+        centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
+        frame = self.camera_scene().look_tool(centre, told)
+        camera = frame.camera
+        found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera, settings=TOOL_SETTINGS)
+        if not len(found.position):
+            return None
+        gap = np.hypot(*(found.position - told).T)
+        nearest = int(gap.argmin())
+        return found.position[nearest] if gap[nearest] <= TOOL_GATE_M else None
+
+    def _show(self, cart_m: float, beam: Array, on: bool) -> Show[WeederScene]:
+        pose = poses(self._config.reach, beam[None], np.array([cart_m]))[0]
+        return lambda scene: scene.set_machine(cart_m, pose, on)

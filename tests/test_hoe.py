@@ -1,0 +1,384 @@
+"""The hoe on strips that can be checked by hand: overlap, times, uprooting, crop loss; the machine beside the rules."""
+
+from dataclasses import replace
+from itertools import permutations, product
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import fieldgym  # noqa: F401
+from fieldgym.agents import make_policy, policy_names
+from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel
+from fieldgym.envs.weeding.executor import AnalyticWeeder
+from fieldgym.envs.weeding.hoe import (
+    HoeArm,
+    HoeProcess,
+    Stir,
+    covered_share,
+    crop_loss,
+    depth50_m,
+    label_mode,
+    uproot_probability,
+)
+from fieldgym.envs.weeding.hoe_config import HoeProcessConfig, HoeReach, HoeWeedingConfig, circle_s
+from fieldgym.envs.weeding.hoe_executor import check_reach, hoe_parameters, tip_way
+from fieldgym.envs.weeding.rules import NOTHING, WAIT
+from fieldgym.envs.weeding.scenario import PAD
+from fieldgym.envs.weeding.task import WeedingCore
+from fieldgym.envs.weeding.tool import approach, dose, move_time
+from fieldgym.motion import QUINTIC
+
+ENV_ID = "fieldgym/HoeWeeding-v0"
+HOE = HoeProcessConfig()
+GENTLE, NORMAL, DEEP = range(3)
+
+
+def toy(weeds, crop_at=None, tolerance_m=0.010, **changes) -> WeedingCore:
+    """A core with perfect perception whose strip holds the given weeds (two-leaf) and at most one crop plant."""
+    config = HoeWeedingConfig(**changes)
+    core = WeedingCore(
+        config, HoeArm.of(config.reach, config.cart.early_s), HoeProcess(config.process), PerceptionModel.perfect()
+    )
+    core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(0)])
+    state, n, end = core.state, len(weeds), core.weeds_end
+    state.plant[0], state.plant_tolerance[0] = 1e3, np.inf
+    state.plant_kind[0, :end] = 1
+    state.plant[0, PAD : PAD + n] = weeds
+    state.plant_tolerance[0, PAD : PAD + n] = tolerance_m
+    if crop_at is not None:
+        state.plant[0, end + 1] = crop_at
+        state.plant_tolerance[0, end + 1] = 0.006
+    state.weeds[0], state.track_count[0], state.cursor[0] = n, n, 0
+    state.track_report[0], state.track_aim[0] = 1e3, 1e3
+    state.track_known_m[0, :n] = -1e3
+    for i, place in enumerate(weeds):
+        state.track_report[0, i] = state.track_aim[0, i] = place
+        state.track_near[0, i] = i, 1
+        state.track_real[0, i] = True
+    state.slot_track[0] = core.capacity
+    state.slot_track[0, :n] = np.arange(n)
+    state.cursor[0] = n
+    return core
+
+
+def act(core, action):
+    plan = core.plan(np.array([action]))
+    return plan, core.apply(plan, AnalyticWeeder().execute(plan))
+
+
+def drive_until(core, slot):
+    """Wait until the weed in a slot can be worked on."""
+    while not core.option_legal(0, 3 * slot + DEEP):
+        plan, result = act(core, 3 * core.config.slots)
+        assert plan.kind[0] == WAIT and not result.terminated[0]
+
+
+# What the blade sweeps.
+
+
+@pytest.mark.parametrize("sweep", [0.019, 0.027])
+@pytest.mark.parametrize("root", [0.006, 0.010, 0.016])
+def test_covered_share_is_the_share_of_points_that_are_covered(sweep, root):
+    step = np.arange(-1.0, 1.0, 1.0 / 400.0) + 1.0 / 800.0
+    x, y = (root * part.ravel() for part in np.meshgrid(step, step))
+    x, y = x[x * x + y * y < root * root], y[x * x + y * y < root * root]
+    for distance in np.linspace(0.0, 1.1 * (sweep + root), 12):
+        counted = np.mean((x - distance) ** 2 + y**2 < sweep * sweep)
+        assert covered_share(sweep, root, float(distance)) == pytest.approx(counted, abs=2e-3)
+
+
+def test_covered_share_by_hand():
+    # Equal discs, one through the other's middle: 2/3 - sqrt(3) / (2 pi).
+    assert covered_share(0.02, 0.02, 0.02) == pytest.approx(2.0 / 3.0 - np.sqrt(3.0) / (2.0 * np.pi))
+    assert covered_share(0.01, 0.02, 0.0) == pytest.approx(0.25)
+    assert covered_share(0.02, 0.01, 0.01) == 1.0
+    assert covered_share(0.02, 0.01, 0.03) == 0.0
+
+
+@settings(max_examples=200, deadline=None)
+@given(sweep=st.floats(0.005, 0.05), root=st.floats(0.002, 0.05), near=st.floats(0.0, 0.11), far=st.floats(0.0, 0.11))
+def test_covered_share_never_grows_with_the_distance(sweep, root, near, far):
+    near, far = sorted((near, far))
+    assert 1.0 >= covered_share(sweep, root, near) >= covered_share(sweep, root, far) - 1e-9 >= -1e-9
+
+
+def working_plan(core, slot, mode):
+    drive_until(core, slot)
+    return core.plan(np.array([3 * slot + mode]))
+
+
+@pytest.mark.parametrize("mode", [GENTLE, NORMAL, DEEP])
+def test_the_blade_sweeps_the_whole_disc_and_nothing_beyond_and_keeps_its_limits(mode):
+    core = toy([(0.0, 0.05)])
+    plan = working_plan(core, 0, mode)
+    phases = plan.phases_s
+    # The last phases are plunge, stir, lift and an empty pause.
+    begins = np.cumsum(phases[0])
+    time = np.linspace(begins[1], begins[-1], 20001)
+    tip = tip_way(HOE, plan, phases, time)
+    step = time[1] - time[0]
+    speed = np.linalg.norm(np.diff(tip, axis=0), axis=1) / step
+    pull = np.linalg.norm(np.diff(tip, 2, axis=0), axis=1) / step**2
+    stirring = (time[1:-1] > begins[2]) & (time[1:-1] < begins[3])
+    assert speed.max() <= 1.001 * HOE.plunge_velocity_m_s
+    assert pull[stirring].max() == pytest.approx(HOE.stir_acceleration_m_s2, rel=0.01)
+    assert speed[1:][stirring].max() <= HOE.stir_velocity_m_s
+    assert pull.max() <= 1.02 * np.hypot(HOE.plunge_acceleration_m_s2, 2.0)
+    assert tip[:, 2].min() == pytest.approx(-HOE.depth_m[mode])
+    # Every point of the disc is under the blade at some time of the turn; nothing farther out ever is.
+    turn = tip[(time >= begins[2]) & (time <= begins[3])][::50, :2] - [0.0, 0.05]
+    angle = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
+    sweep = HOE.sweep_m[mode]
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    for share in (0.0, 0.3, 0.6, 0.9, 0.995):
+        gap = np.linalg.norm(share * sweep * ring[:, None] - turn, axis=-1).min(axis=1)
+        assert np.all(gap <= HOE.blade_radius_m + 1e-9)
+    outside = np.linalg.norm(1.001 * sweep * ring[:, None] - turn, axis=-1).min(axis=1)
+    assert np.all(outside > HOE.blade_radius_m)
+
+
+def test_times_and_work_by_hand():
+    depth = np.array(HOE.depth_m)
+    plunge = [float(QUINTIC.duration(HOE.clearance_m + d, 1.0, 10.0)) for d in depth]
+    assert HOE.work_s[:, 0] == pytest.approx(plunge) and HOE.work_s[:, 2] == pytest.approx(plunge)
+    assert np.all(np.diff(HOE.work_s.sum(axis=1)) > 0.0)
+    # Only the speed counts on a huge circle at a low limit: peak speed 2 pi r 15/8 / T.
+    assert circle_s(1.0, 0.01, 10.0) == pytest.approx(2.0 * np.pi * 1.875 / 0.01)
+    # Down and up: half the depth on average, twice the depth of way; around: the full depth over the circle.
+    force = 4.0e4 * 2.0 * 0.014 * depth
+    assert HOE.energy_j == pytest.approx(force * (2.0 * 0.5 * depth + 2.0 * np.pi * np.array(HOE.stir_radius_m)))
+
+
+# What it does to plants.
+
+
+def test_from_10_to_30_mm_the_share_of_uprooted_plants_doubles_around_one_half():
+    even = replace(HOE, depth50_m=0.01667, stage_factor=(1.0, 1.0, 1.0))
+    shallow, deep = uproot_probability(even, np.array([0.010, 0.030]), 0, 1)
+    assert deep / shallow == pytest.approx(2.0, rel=0.03)
+    assert 0.5 * (shallow + deep) == pytest.approx(0.51, abs=0.01)
+
+
+def test_tolerances_have_the_logistic_as_their_distribution():
+    process, luck = HoeProcess(HOE), (np.arange(20000) + 0.5) / 20000
+    kinds = np.zeros(20000, np.int64)
+    died = (process.tolerance(kinds, kinds + 1, luck) <= 0.022).mean()
+    assert died == pytest.approx(float(uproot_probability(HOE, 0.022, 0, 1)), abs=1e-4)
+    lost = (process.crop_tolerance(luck) <= 0.012).mean()
+    assert lost == pytest.approx(0.5, abs=1e-4)
+
+
+def test_labels_rise_with_the_stage_and_crop_loss_falls_with_the_gap():
+    labels = [label_mode(HOE, 0, stage) for stage in range(3)]
+    assert labels == sorted(labels) and labels[0] < labels[2]
+    assert float(depth50_m(HOE, 1, 2)) == pytest.approx(HOE.depth50_m * 2.0 * 1.3)
+    loss = crop_loss(HOE, np.array([0.0, 0.02, 0.025, 0.03, 0.05]))
+    assert loss.shape == (5, 3) and np.all(np.diff(loss, axis=0) <= 0.0) and np.all(np.diff(loss, axis=1) >= 0.0)
+    assert loss[0, NORMAL] == pytest.approx(1.0 / (1.0 + (0.012 / 0.022) ** 2)) and np.all(loss[-1] < 1e-9)
+    # Beets were hoed up to 10 mm from their middle without harm: the disc's edge may come that near.
+    assert crop_loss(HOE, HOE.sweep_m[DEEP] + 0.010)[0, DEEP] < 1e-9
+
+
+def test_a_stir_takes_move_plunge_turn_and_lift_while_the_cart_drives_on():
+    core = toy([(0.0, 0.05), (0.1, -0.1)])
+    drive_until(core, 0)
+    cart, begun = float(core.state.cart[0]), float(core.state.totals[0, 0])
+    plan, result = act(core, 3 * 0 + NORMAL)
+    move, wait, plunge, stir, lift, pause = result.phases_s[0]
+    stroke = plan.target[0] - plan.start[0]
+    assert move == pytest.approx(move_time(core.machine, *stroke)) and pause == 0.0
+    assert (plunge, stir, lift) == pytest.approx(tuple(HOE.work_s[NORMAL]))
+    assert plan.target[0].tolist() == [0.0, 0.0, 0.05]
+    elapsed = move + wait + plunge + stir + lift
+    assert core.state.cart[0] == pytest.approx(cart + core.config.speed_m_s * elapsed)
+    # 22 mm over the whole root zone against a tolerance of 10 mm; reward terms by hand.
+    assert result.rewards[0] == pytest.approx([1.0, 0.0, -0.05 * elapsed, -0.0005 * HOE.energy_j[NORMAL]])
+    scores = dict(zip(core.score_names, core.scores()[0], strict=True))
+    assert scores["net_rate"] == 0.5 and scores["cycle_time_s"] == pytest.approx(begun + elapsed)
+    assert scores["joules_per_weed"] == pytest.approx(HOE.energy_j[NORMAL])
+
+
+def test_neighbours_get_what_the_disc_covers_of_their_roots_and_doses_add_up():
+    core = toy([(0.0, 0.0), (0.025, 0.0)], tolerance_m=0.020)
+    drive_until(core, 1)
+    _, first = act(core, 0 + NORMAL)
+    share = covered_share(0.023, 0.010, 0.025)
+    assert 0.1 < share < 0.5
+    assert core.state.plant_dose[0, PAD : PAD + 2] == pytest.approx([0.022, 0.022 * share])
+    assert first.rewards[0, 0] == 1.0
+    # Its slot moved up; gentle alone, 12 mm, would not do.
+    drive_until(core, 0)
+    _, second = act(core, 0 + GENTLE)
+    assert core.state.plant_dose[0, PAD + 1] == pytest.approx(0.012 + 0.022 * share)
+    assert second.rewards[0, 0] == (1.0 if 0.012 + 0.022 * share >= 0.020 else 0.0)
+    assert core.state.plant_dose[0, PAD] == pytest.approx(0.022 + 0.012 * covered_share(0.019, 0.010, 0.025))
+
+
+def test_a_crop_plant_whose_roots_are_swept_is_lost():
+    for gap, lost in ((0.034, False), (0.020, True)):
+        core = toy([(0.0, 0.0)], crop_at=(0.0, gap))
+        drive_until(core, 0)
+        _, result = act(core, DEEP)
+        depth = 0.035 * covered_share(0.027, 0.010, gap)
+        assert (depth >= 0.006) == lost
+        assert result.rewards[0, 1] == (-5.0 if lost else 0.0) and core.state.totals[0, 2] == float(lost)
+
+
+def test_an_illegal_stir_costs_time_and_nothing_else():
+    core = toy([(0.0, 0.1)])
+    plan, result = act(core, 7)
+    assert plan.kind[0] == NOTHING and result.phases_s.sum() >= core.config.cart.illegal_s
+    assert core.state.totals[0, 3] == 1.0 and result.rewards[0, 0] == 0.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(along=st.floats(-0.2, 0.3), across=st.floats(-0.22, 0.22), speed=st.floats(0.02, 0.3))
+def test_a_legal_stir_keeps_the_blade_within_its_travel(along, across, speed):
+    reach = HoeReach()
+    arm = HoeArm.of(reach, 0.4)
+    for stand in HOE.work_s.sum(axis=1).tolist():
+        found = approach(arm, stand, (0.05, 0.0, 0.0), 0.0, speed, along, across)
+        begins = along - speed * (found.move_s + found.wait_s)
+        inside = begins <= reach.travel_m + 1e-9 and begins - speed * stand >= -reach.travel_m - 1e-9
+        allowed = inside and found.wait_s <= 0.4 and abs(across) <= reach.half_width_m
+        if found.legal:
+            assert allowed
+        elif min(abs(begins - speed * stand + reach.travel_m), abs(abs(across) - reach.half_width_m)) > 1e-9:
+            assert not allowed
+
+
+def test_everything_that_the_rules_may_command_is_within_the_mechanism():
+    config = HoeWeedingConfig()
+    reach = config.reach
+    margins = check_reach(hoe_parameters(config), config.process, reach.travel_m, reach.half_width_m, 0.04)
+    assert min(margins.values()) > 0.0
+    # Resting over ground the blade falls behind the cart by at most 0.147 of the way that the cart drives meanwhile.
+    worst_s = float(QUINTIC.duration(2.0 * reach.half_width_m, reach.velocity_m_s, reach.acceleration_m_s2))
+    for scenario in SCENARIOS.values():
+        speed = HoeWeedingConfig(scenario=scenario).speed_m_s
+        assert 0.147 * speed * (worst_s + config.cart.early_s) < 0.04
+
+
+def test_the_load_is_what_its_name_says():
+    for name, scenario in SCENARIOS.items():
+        config = HoeWeedingConfig(scenario=scenario)
+        load = scenario.density_per_m2 * scenario.band_m * config.speed_m_s * config.service_s
+        assert load == pytest.approx(scenario.offered_load, rel=0.03), name
+
+
+# Choosing.
+
+
+def best_of_all(weeds, **changes):
+    """Most weeds that any order of normal stirs uproots, by trying all of them."""
+    best = 0.0
+    for order in permutations(range(len(weeds))):
+        core = toy(weeds, **changes)
+        for weed in order:
+            slots = core.state.slot_track[0].tolist()
+            while weed in slots:
+                option = 3 * slots.index(weed) + NORMAL
+                act(core, option if core.option_legal(0, option) else 3 * core.config.slots)
+                slots = core.state.slot_track[0].tolist()
+        best = max(best, float(core.state.totals[0, 1]))
+    return best
+
+
+def test_brute_force_on_three_weeds_by_hand():
+    """Three abreast at a crawl can all be had; at speed, in a window that one stir takes up, only one can."""
+    weeds = [(0.0, -0.15), (0.0, 0.0), (0.0, 0.15)]
+    slow = replace(SCENARIOS["load-0.7"], density_per_m2=40.0)
+    assert best_of_all(weeds, scenario=slow) == 3.0
+    # 0.28 m of window at 0.2 m/s are 1.4 s: 0.77 s of work and a move of at least 0.3 s each.
+    fast = replace(SCENARIOS["load-1.0"], offered_load=3.3)
+    assert HoeWeedingConfig(scenario=fast).speed_m_s == pytest.approx(0.2, abs=0.01)
+    assert best_of_all(weeds, scenario=fast) == 1.0
+
+
+def test_policies_choose_legal_actions_and_the_worse_ones_are_worse():
+    net: dict[str, float] = {}
+    for name in policy_names(ENV_ID):
+        env = gym.make_vec(
+            ENV_ID,
+            num_envs=8,
+            vectorization_mode="vector_entry_point",
+            scenario="load-1.0",
+            perception="perfect",
+            autoreset_mode="Disabled",
+        )
+        rule = make_policy(name, env, seed=1)
+        observation, _ = env.reset(seed=0)
+        over, result = np.zeros(8, bool), np.zeros(8)
+        while not over.all():
+            action = rule.act(observation)
+            assert np.all(observation["action_mask"][np.arange(8), action] == 1)
+            observation, _, end, cut, info = env.step(action)
+            ended = (end | cut) & ~over
+            result[ended] = info["scorecard"]["net_rate"][ended]
+            over |= ended
+        net[name] = float(result.mean())
+    assert min(net, key=net.__getitem__) == "random"
+    assert net["receding-horizon"] >= net["edf"]
+
+
+# The machine in PyBullet.
+
+
+@pytest.mark.slow
+def test_pybullet_agrees_with_the_plan():
+    """Cycle time within 2 %, net rate within 1.5 points, the blade within 0.3 mm, over whole strips."""
+    cycles, rates, errors = [], [], []
+    for seed, (backend_pair) in product(range(2), [("analytic", "pybullet")]):
+        pair = []
+        for backend in backend_pair:
+            env: Any = gym.make(
+                ENV_ID, backend=backend, perception="model", config=short_config(), disable_env_checker=True
+            )
+            rule = make_policy("edf", env)
+            observation, info = env.reset(seed=seed)
+            over = False
+            while not over:
+                batch = {name: values[None] for name, values in observation.items()}
+                observation, _, end, cut, info = env.step(int(rule.act(batch)[0]))
+                over = end or cut
+                if backend == "pybullet":
+                    errors.append(env.unwrapped.executor.last_report.final_error_m)
+            pair.append(info["scorecard"])
+            env.close()
+        cycles.append(pair[1]["cycle_time_s"] / pair[0]["cycle_time_s"])
+        rates.append(pair[1]["net_rate"] - pair[0]["net_rate"])
+    assert np.abs(np.array(cycles) - 1.0).max() < 0.02
+    assert np.abs(rates).max() < 0.015
+    assert max(errors) < 3e-4
+
+
+def short_config() -> HoeWeedingConfig:
+    return HoeWeedingConfig(scenario=replace(SCENARIOS["load-1.0"], strip_m=2.0))
+
+
+@pytest.mark.parametrize(
+    ("build", "word"),
+    [
+        (lambda: HoeProcessConfig(depth_m=(0.01, 0.02)), "depth_m"),  # type: ignore[arg-type]
+        (lambda: HoeProcessConfig(slope=-1.0), "slope"),
+        (lambda: HoeProcessConfig(stir_radius_m=(0.01, 0.02, 0.03)), "stir_radius_m"),
+        (lambda: HoeReach(travel_m=0.0), "travel_m"),
+        (lambda: HoeWeedingConfig(scenario=replace(SCENARIOS["load-1.0"], band_m=0.6)), "band_m"),
+        (lambda: gym.make(ENV_ID, tool="plough"), "tool"),
+    ],
+)
+def test_bad_numbers_are_named(build, word):
+    with pytest.raises(ValueError, match=word):
+        build()
+
+
+def test_reach_of_a_stir_is_where_its_dose_ends():
+    work = Stir.of(HOE)
+    for mode, kind in product(range(3), range(4)):
+        assert dose(work, mode, work.reach_m + 1e-9, 0.0, kind) == 0.0
+        assert dose(work, mode, 0.0, 0.0, kind) == pytest.approx(HOE.depth_m[mode])
+    assert dose(work, DEEP, 0.6 * work.reach_m, 0.0, 2) > 0.0
