@@ -67,7 +67,7 @@ def measure(tier: str, strips: int) -> Strips:
     """Drive over the strips of a tier."""
     config = replace(WeedingConfig(), scenario=SCENARIOS[tier])
     core = laser_core(config, None)
-    view = WeederView(core)
+    view = WeederView(core, config)
     weeds, sightings, after = [], [], []
     false: list[list[tuple[float, ...]]] = [[], [], []]
     crops, area = 0, 0.0
