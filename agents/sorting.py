@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.sorting.config import GRADES, REFERENCE_CYCLE_S, SortingConfig
-from ..envs.sorting.reports import SWING_M
-from ..envs.sorting.task import (
+from ..envs.sorting.features import (
     CANDIDATE_FEATURES,
     CYCLE_SCALE_S,
     PLACE_SCALE_M,
@@ -15,6 +14,7 @@ from ..envs.sorting.task import (
     WAIT_SCALE_S,
     candidate_table,
 )
+from ..envs.sorting.reports import SWING_M
 from ..motion import QUINTIC
 from .policy import Actions, Observation, StatelessPolicy
 

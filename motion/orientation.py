@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -22,13 +24,16 @@ def tilted(tilt: ArrayLike, azimuth: ArrayLike, yaw: ArrayLike) -> Array:
         azimuth: (...), rad, direction in the horizontal plane.
         yaw: (...), rad.
     """
-    half_tilt, turn = 0.5 * np.asarray(tilt, dtype=np.float64), np.asarray(azimuth, dtype=np.float64)
-    half_yaw = 0.5 * np.asarray(yaw, dtype=np.float64)
-    half_tilt, turn, half_yaw = (np.array(part, order="C") for part in np.broadcast_arrays(half_tilt, turn, half_yaw))
-    ct, st, cy, sy = np.cos(half_tilt), np.sin(half_tilt), np.cos(half_yaw), np.sin(half_yaw)
+    parts = np.broadcast_arrays(*(np.asarray(angle, dtype=np.float64) for angle in (tilt, azimuth, yaw)))
+    return np.stack(tilted_parts(*(np.array(part, order="C") for part in parts)), axis=-1)
+
+
+def tilted_parts(tilt: Any, azimuth: Any, yaw: Any) -> tuple[Any, Any, Any, Any]:
+    """The four components of ``tilted``, of numbers or of arrays."""
+    ct, st, cy, sy = np.cos(0.5 * tilt), np.sin(0.5 * tilt), np.cos(0.5 * yaw), np.sin(0.5 * yaw)
     # (ct, -st sin a, st cos a, 0) times (cy, 0, 0, sy), with the angle sum written out.
-    x, y = -st * np.sin(turn), st * np.cos(turn)
-    return np.stack([ct * cy, x * cy + y * sy, y * cy - x * sy, ct * sy], axis=-1)
+    x, y = -st * np.sin(azimuth), st * np.cos(azimuth)
+    return ct * cy, x * cy + y * sy, y * cy - x * sy, ct * sy
 
 
 def product(first: Array, second: Array) -> Array:
@@ -79,13 +84,24 @@ def slerp(first: Array, second: Array, share: ArrayLike) -> Array:
 
 def axes(quaternion: Array) -> Array:
     """Rotation matrices (..., 3, 3), columns x, y, z of the turned frame."""
-    w, x, y, z = (quaternion[..., i] for i in range(4))
-    rows = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    parts = [quaternion[..., i] for i in range(4)]
+    columns = [np.stack(axis(*parts), axis=-1) for axis in (x_axis, y_axis, z_axis)]
+    return np.stack(columns, axis=-1)
+
+
+def x_axis(w: Any, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
+    """The turned frame's x axis from a quaternion's components, numbers or arrays."""
+    return 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
+
+
+def y_axis(w: Any, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
+    """See ``x_axis``."""
+    return 2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)
+
+
+def z_axis(w: Any, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
+    """See ``x_axis``."""
+    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 def from_axes(matrix: Array) -> Array:

@@ -15,7 +15,8 @@ import numpy as np
 from fieldgym.agents.sorting import Fifo
 from fieldgym.envs.sorting.config import REFERENCE_CYCLE_S, SCENARIOS, PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.executor import AnalyticSorter
-from fieldgym.envs.sorting.task import PICK, SortingCore
+from fieldgym.envs.sorting.state import PICK
+from fieldgym.envs.sorting.task import SortingCore
 
 
 def busy_cycle_s(streams: int, scenario: str = "load-1.6") -> float:

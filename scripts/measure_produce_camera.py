@@ -19,7 +19,19 @@ import numpy as np
 
 from fieldgym.envs.sorting.config import GRADES, SCENARIOS, SortingConfig
 from fieldgym.envs.sorting.reports import wrapped
-from fieldgym.envs.sorting.scenario import FRUIT
+from fieldgym.envs.sorting.scenario import (
+    ARRIVAL_S,
+    AZIMUTH,
+    FRUIT,
+    GRADE,
+    LENGTH_M,
+    THICKNESS,
+    TILT,
+    WIDTH,
+    Y_M,
+    YAW,
+    Z_M,
+)
 from fieldgym.envs.sorting.task import SortingCore
 from fieldgym.envs.sorting.view import MATCH_RADIUS_M, SorterView
 from fieldgym.perception.produce import Produce
@@ -44,15 +56,14 @@ class Tally:
     def add(self, seen: Produce, core: SortingCore, taken_s: float) -> None:
         """Count one image."""
         belt = core.config.belt
-        arrival, y, _ = core.item_place[0].T
-        x = belt.speed_m_s * (taken_s - arrival)
+        x = belt.speed_m_s * (taken_s - core.items[0, :, ARRIVAL_S])
         half = 0.5 * belt.camera_step_m
-        there = np.flatnonzero(core.item_exists(0) & (np.abs(x - belt.camera_x_m) <= half))
-        around = np.flatnonzero(core.item_exists(0) & (np.abs(x - belt.camera_x_m) <= half + MATCH_RADIUS_M))
+        there = np.flatnonzero(np.abs(x - belt.camera_x_m) <= half)
+        around = np.flatnonzero(np.abs(x - belt.camera_x_m) <= half + MATCH_RADIUS_M)
         near = np.flatnonzero(np.abs(seen.position[:, 0] - belt.camera_x_m) <= half + 0.5 * MATCH_RADIUS_M)
         self.frames += 1
         self.items += len(there)
-        places = np.stack([x, y], axis=-1)
+        places = np.stack([x, core.items[0, :, Y_M]], axis=-1)
         used: set[int] = set()
         found: set[int] = set()
         distance = np.linalg.norm(seen.position[near][:, None, :2] - places[around][None], axis=-1)
@@ -67,23 +78,23 @@ class Tally:
             found.add(item)
             if item in there:
                 self._pair(seen, int(near[report]), core, item, x[item])
-        self.missed += np.bincount(core.item_grade[0, [i for i in there if i not in found]], minlength=4)
+        missed = core.items[0, [i for i in there if i not in found], GRADE]
+        self.missed += np.bincount(missed.astype(np.int64), minlength=4)
         inside = [r for r in range(len(near)) if abs(seen.position[near[r], 0] - belt.camera_x_m) <= half]
         self.false += sum(r not in used for r in inside)
 
     def _pair(self, seen: Produce, report: int, core: SortingCore, item: int, x: float) -> None:
-        _, y, z = core.item_place[0, item]
-        length, width, thickness, yaw, tilt, azimuth, _ = core.item_shape[0, item]
-        grade = int(core.item_grade[0, item])
+        lies = core.items[0, item]
+        grade = int(lies[GRADE])
         kind = int(grade // 2 == FRUIT)
         self.confusion[grade, seen.grade[report]] += 1
-        centre = np.array([x, y, z + core.config.machine.sorter.belt_height_m])
+        centre = np.array([x, lies[Y_M], lies[Z_M] + core.config.machine.sorter.belt_height_m])
         self.centre.append(seen.position[report] - centre)
-        self.yaw[kind].append(float(wrapped(np.array(seen.yaw[report] - yaw))))
-        lean = tilt * np.array([np.cos(azimuth), np.sin(azimuth)])
+        self.yaw[kind].append(float(wrapped(np.array(seen.yaw[report] - lies[YAW]))))
+        lean = lies[TILT] * np.array([np.cos(lies[AZIMUTH]), np.sin(lies[AZIMUTH])])
         reported = seen.tilt[report] * np.array([np.cos(seen.azimuth[report]), np.sin(seen.azimuth[report])])
         self.lean[kind].append(reported - lean)
-        true_axes = length * np.array([1.0, width, thickness])
+        true_axes = lies[LENGTH_M] * np.array([1.0, lies[WIDTH], lies[THICKNESS]])
         self.axes.append(seen.axes_m[report] / true_axes - 1.0)
 
     def fit(self) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import pytest
 
 from fieldgym.envs.sorting.config import SCENARIOS, BeltConfig, PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.reports import wrapped
-from fieldgym.envs.sorting.scenario import centre_height_m
+from fieldgym.envs.sorting.scenario import ARRIVAL_S, centre_height_m
 from fieldgym.envs.sorting.scene import ShownItem, SorterScene, item_colour
 from fieldgym.envs.sorting.task import SortingCore
 from fieldgym.envs.sorting.view import SorterView, sensor_noise
@@ -28,8 +28,8 @@ def scene():
 
 def lay(scene, key, x, y, shape, yaw=0.0, tilt=0.0, azimuth=0.0, fruit=False, ripeness=1.0):
     length, width, thickness = shape
-    height = centre_height_m(*(np.array(v) for v in (length, width / length, thickness / length, yaw, tilt, azimuth)))
-    where = np.array([BeltConfig().camera_x_m + x, y, BELT_M + float(height)])
+    height = centre_height_m(length, width / length, thickness / length, yaw, tilt, azimuth)
+    where = np.array([BeltConfig().camera_x_m + x, y, BELT_M + height])
     return ShownItem(key, where, tilted(tilt, azimuth, yaw), shape, item_colour(fruit, ripeness, 0.5))
 
 
@@ -87,12 +87,12 @@ def test_every_item_is_reported_once_and_belongs_to_an_image():
     core = SortingCore(SortingConfig(scenario=SCENARIOS["load-1.0"]), None)
     core.reset_rows(np.array([0]), [np.random.default_rng(2)])
     view = SorterView(core)
-    core.totals[0, 0] = 20.0
+    core.state.totals[0, 0] = 20.0
     view.sense()
     speed, belt = core.config.belt.speed_m_s, core.config.belt
-    reported = core.report_item[0, np.isfinite(core.seen_s[0])]
+    reported = core.state.report_item[0, core.state.queue[0, : core.state.count[0]]]
     assert len(set(reported.tolist())) == len(reported) and (reported < core.config.scenario.max_items).all()
-    x = speed * (20.0 - core.item_place[0, :, 0])
+    x = speed * (20.0 - core.items[0, :, ARRIVAL_S])
     # Everything between the camera's last image and the end of the reach.
     there = np.flatnonzero((x > belt.camera_x_m + 0.16) & (x < 0.10))
     assert set(there.tolist()) <= set(reported.tolist())

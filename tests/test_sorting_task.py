@@ -6,7 +6,7 @@ from itertools import permutations
 import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldgym.agents import make_policy, policy_names
@@ -25,11 +25,32 @@ from fieldgym.envs.sorting.config import (
     SortingConfig,
 )
 from fieldgym.envs.sorting.executor import AnalyticSorter, PyBulletSorter
+from fieldgym.envs.sorting.features import CANDIDATE_FEATURES, candidate_table
 from fieldgym.envs.sorting.motions import PickMotion, follow_share
-from fieldgym.envs.sorting.process import grip_quality, holds, slips
-from fieldgym.envs.sorting.reports import wrapped
-from fieldgym.envs.sorting.scenario import Reports, centre_height_m, draw_items, gaps, keep_apart, random_numbers
-from fieldgym.envs.sorting.task import CANDIDATE_FEATURES, NOTHING, PICK, WAIT, SortingCore, candidate_table
+from fieldgym.envs.sorting.process import Fingers, grip_quality, holds, slips
+from fieldgym.envs.sorting.reports import begin_worlds, wrapped
+from fieldgym.envs.sorting.scenario import (
+    ARRIVAL_S,
+    COMMON,
+    GRADE,
+    GRIP_LUCK,
+    ITEM,
+    LENGTH_M,
+    REPORT,
+    RIPENESS,
+    SLIP_ACROSS_M,
+    WAY_LUCK,
+    Y_M,
+    Camera,
+    Stream,
+    centre_height_m,
+    delayed_s,
+    draw_items,
+    gap_s,
+    random_numbers,
+)
+from fieldgym.envs.sorting.state import NOTHING, PICK, TIME, WAIT
+from fieldgym.envs.sorting.task import SortingCore
 from fieldgym.mechanisms import ThreePRRS
 from fieldgym.motion import QUINTIC
 from fieldgym.motion.orientation import axes, tilted
@@ -45,29 +66,24 @@ def toy(items: list[dict], luck: float = 0.5, slip: float = 0.5, **changes) -> S
     config = replace(SortingConfig(), **changes)
     core = SortingCore(config, None, 1)
     core.reset_rows(np.array([0]), [np.random.default_rng(0)])
-    core.item_free[:], core.item_place[:] = False, np.inf
-    core._truth[11], core._truth[12] = luck, slip
+    core.items[:] = 0.0
+    core.items[:, :, ARRIVAL_S] = np.inf
     n = len(items)
     standard = {"arrival_s": 0.0, "y_m": 0.0, "yaw": 0.0, "tilt": 0.0, "azimuth": 0.0, "length_m": 0.060,
-                "width": 0.7, "thickness": 0.5, "grade": 0, "true_grade": None}  # fmt: skip
-    table = {name: np.array([{**standard, **item}[name] for item in items]) for name in list(standard)[:-1]}
-    table["z_m"] = centre_height_m(
-        *(table[name] for name in ("length_m", "width", "thickness", "yaw", "tilt", "azimuth"))
-    )
-    turned = axes(tilted(table["tilt"], table["azimuth"], table["yaw"]))
-    core._truth[0, 0, :n], core._truth[1, 0, :n] = table["arrival_s"], table["y_m"]
-    core._truth[2, 0, :n] = table["z_m"] - config.machine.sorter.origin_above_belt_m
-    core._truth[3:6, 0, :n], core._truth[6:9, 0, :n] = turned[:, :, 0].T, turned[:, :, 2].T
-    core._truth[9, 0, :n] = (1.0 - table["width"]) ** 2
-    core._truth[10, 0, :n] = (1.0 - table["thickness"]) ** 2
-    core._truth[1, 0, :n] += [item.get("beside_m", 0.0) for item in items]
-    core.item_free[0, :n] = True
-    truth = [item.get("true_grade", item.get("grade", 0)) for item in items]
-    core.item_grade[0, :n] = truth
-    core.total[:], core.total_value[:] = n, np.array(config.produce.value)[truth].sum()
-    core.end_s[:] = 60.0
-    reports = {name: table[name][None] for name in table}
-    core.receive(0, Reports(**reports, seen_s=np.zeros((1, n)), item=np.arange(n)[None]))
+                "width": 0.7, "thickness": 0.5, "grade": 0, "seen_s": 0.0}  # fmt: skip
+    reports = np.zeros((n, len(REPORT)))
+    for i, item in enumerate(items):
+        lies = {**standard, **item, "item": i}
+        lies["z_m"] = centre_height_m(
+            *(float(lies[name]) for name in ("length_m", "width", "thickness", "yaw", "tilt", "azimuth"))
+        )
+        reports[i] = [lies[name] for name in REPORT]
+        core.items[0, i, : len(COMMON)] = reports[i, : len(COMMON)]
+        core.items[0, i, GRADE] = item.get("true_grade", reports[i, GRADE])
+        core.items[0, i, [GRIP_LUCK, WAY_LUCK, SLIP_ACROSS_M]] = luck, slip, item.get("beside_m", 0.0)
+    begin_worlds(core.tables, core.state, np.array([0]), core.items)
+    core.state.end_s[:] = 60.0
+    core.receive(0, reports)
     return core
 
 
@@ -100,14 +116,14 @@ def test_one_pick_takes_the_time_that_its_legs_take():
     x, y = core.config.belt.bins_m[0]
     way = np.hypot(x - lifted_x - 0.5 * SPEED * phases["carry"], y - 0.05)
     assert phases["carry"] == pytest.approx(float(QUINTIC.duration(way, *limits)), rel=2e-3)
-    assert core.place[0].tolist() == [x, y]
+    assert core.state.place[0].tolist() == [x, y]
 
 
 def test_an_item_upstream_is_waited_for_at_the_edge_of_the_reach():
     core = toy([{"arrival_s": 6.0}])
     plan, result = decide(core, 0)
     assert result.phases_s[0, 0] > 1.0
-    edge = float(reach.reach_m(ThreePRRS.sorter(), 0.095, 0.0, 0.0))
+    edge = reach.reach_m(reach.radii(ThreePRRS.sorter(), 0.095), 0.0, 0.0)
     assert plan.meet[0, 0] == pytest.approx(-edge)
     assert result.phases_s[0, :2].sum() == pytest.approx(6.0 - edge / SPEED)
 
@@ -129,10 +145,10 @@ def test_an_empty_grip_leaves_the_platform_turned_over_the_belt_and_the_item_on_
     plan, result = decide(core, 0)
     assert result.rewards[0].tolist() == [0.0, 0.0, 0.0, core.config.weights.wasted]
     assert result.phases_s[0, 5:].tolist() == [core.config.machine.stop_s, 0.0]
-    assert core.item_free[0, 0] and core.observe()["action_mask"][0].tolist() == [0] * 12 + [1]
-    assert np.array_equal(core.turn, plan.turn)
+    assert core.state.item_free[0, 0] and core.observe()["action_mask"][0].tolist() == [0] * 12 + [1]
+    assert np.array_equal(core.state.turn, plan.turn)
     end = PickMotion(core.config, plan).sample(np.array([result.phases_s[0].sum()]), False)
-    assert core.place[0] == pytest.approx(end.position[0, :2], abs=1e-12)
+    assert core.state.place[0] == pytest.approx(end.position[0, :2], abs=1e-12)
 
 
 def test_a_slip_on_the_way_is_a_dropped_item():
@@ -182,7 +198,7 @@ def test_waiting_and_illegal_actions_cost_time_and_nothing_else():
     assert plan.kind[0] == WAIT and result.phases_s.sum() == GRIP.wait_s
     plan, result = decide(core, 7)
     assert plan.kind[0] == NOTHING and result.phases_s.sum() == GRIP.illegal_s
-    assert scores(core)["illegal"] == 1 and not core.place.any() and not result.rewards.any()
+    assert scores(core)["illegal"] == 1 and not core.state.place.any() and not result.rewards.any()
 
 
 def test_features_are_what_the_plan_then_takes():
@@ -200,11 +216,9 @@ def test_the_time_limit_of_a_pick_is_its_slack():
     core = toy([{"arrival_s": 0.0}])
     slack = 4.0 * candidate_table(core.observe())[0, 0, CANDIDATE_FEATURES.index("slack")]
     assert slack == pytest.approx(3.2, abs=0.5)
-    core.totals[0, 0] += slack - 0.5
-    core._survey_now = None
+    core.state.totals[0, TIME] += slack - 0.5
     assert core.observe()["action_mask"][0, 0] == 1
-    core.totals[0, 0] += 0.3
-    core._survey_now = None
+    core.state.totals[0, TIME] += 0.3
     assert core.observe()["action_mask"][0, 0] == 0 and "too late" in core.refusal(0)
 
 
@@ -216,7 +230,8 @@ def test_the_shipped_reach_is_what_the_mechanism_gives():
     n = 4000
     tilt, yaw = np.deg2rad(20.0) * rng.random(n), np.deg2rad(60.0) * (2.0 * rng.random(n) - 1.0)
     lean, place = 2.0 * np.pi * rng.random(n), 2.0 * np.pi * rng.random(n)
-    radius = reach.reach_m(ThreePRRS.sorter(), 0.095, tilt, yaw)
+    shipped = reach.radii(ThreePRRS.sorter(), 0.095)
+    radius = np.array([reach.reach_m(shipped, *turn) for turn in zip(tilt, yaw, strict=True)])
     from fieldgym.motion.orientation import euler_angles
 
     poses = np.column_stack(
@@ -278,19 +293,20 @@ def test_the_ramp_is_the_integral_of_the_law():
     assert follow_share(np.array([1.0]))[0] == pytest.approx(0.5)
 
 
+@settings(deadline=None)
 @given(st.floats(0.0, 0.02), st.floats(-0.02, 0.02), st.floats(0.0, 0.3), st.floats(0.0, 0.3))
 def test_a_worse_fit_never_grips_better(off, up, yaw_misfit, tilt_misfit):
+    fingers = Fingers.of(GRIP)
+
     def quality(scale):
-        return grip_quality(
-            GRIP, scale * np.array([[off], [0.0], [up]]), scale**2 * np.array([[yaw_misfit**2], [tilt_misfit**2]])
-        )[0]
+        misfit = (scale * yaw_misfit) ** 2 + (scale * tilt_misfit) ** 2
+        return grip_quality(fingers, scale * off, 0.0, scale * up, misfit)
 
     assert 0.0 <= quality(1.1) <= quality(1.0) <= 1.0
     assert quality(0.0) == 1.0
-    assert grip_quality(GRIP, np.array([[0.0251], [0.0], [0.0]]), np.zeros((2, 1)))[0] == 0.0
-    sure = np.array([1.0])
-    assert holds(GRIP, sure, np.array([0.979]))[0] and not holds(GRIP, sure, np.array([0.981]))[0]
-    assert not slips(GRIP, sure, np.array([0.0]))[0]
+    assert grip_quality(fingers, 0.0251, 0.0, 0.0, 0.0) == 0.0
+    assert holds(fingers, 1.0, 0.979) and not holds(fingers, 1.0, 0.981)
+    assert not slips(fingers, 1.0, 0.0)
 
 
 def test_a_round_item_does_not_mind_its_yaw_and_a_long_one_does():
@@ -305,40 +321,47 @@ def test_a_round_item_does_not_mind_its_yaw_and_a_long_one_does():
 def test_streams_have_the_load_that_they_say_and_nothing_overlaps(name):
     config = SortingConfig(scenario=SCENARIOS[name])
     rng = np.random.default_rng(5)
-    lengths = random_numbers(config, PerceptionModel.perfect())
-    items = draw_items(config, rng.random((200, lengths[0])), rng.standard_normal((200, lengths[1])))
-    mean = items.exists.sum(axis=1).mean() * REFERENCE_CYCLE_S / config.scenario.stream_s
+    lengths = random_numbers(config.scenario, Camera.of(config, PerceptionModel.perfect()))
+    items = np.zeros((200, config.scenario.max_items, len(ITEM)))
+    draw_items(
+        Stream.of(config), items, np.arange(200), rng.random((200, lengths[0])), rng.standard_normal((200, lengths[1]))
+    )
+    exists = np.isfinite(items[..., ARRIVAL_S])
+    mean = exists.sum(axis=1).mean() * REFERENCE_CYCLE_S / config.scenario.stream_s
     # A stream begins with an item more often than not: clumped streams hold a little more than their rate says.
     assert mean == pytest.approx(config.scenario.load, rel=0.03 if config.scenario.clump == 1.0 else 0.08)
-    assert not items.exists[:, -1].any()
-    x = np.where(items.exists, items.arrival_s * config.belt.speed_m_s, np.nan)
+    assert not exists[:, -1].any()
+    x, y = np.where(exists, items[..., ARRIVAL_S] * config.belt.speed_m_s, np.nan), items[..., Y_M]
+    length, grade = items[..., LENGTH_M], items[..., GRADE]
     for back in range(1, 4):
-        apart = np.hypot(x[:, back:] - x[:, :-back], items.y_m[:, back:] - items.y_m[:, :-back])
-        touching = 0.5 * (items.length_m[:, back:] + items.length_m[:, :-back])
+        apart = np.hypot(x[:, back:] - x[:, :-back], y[:, back:] - y[:, :-back])
+        touching = 0.5 * (length[:, back:] + length[:, :-back])
         assert not (apart < touching - 1e-9).any()
     produce = config.produce
-    long = items.length_m >= produce.ware_from_m
-    tuber = items.grade < 2
-    assert np.array_equal(items.grade == 0, tuber & long)
-    assert np.array_equal(items.grade == 2, ~tuber & (items.ripeness >= produce.ripe_from))
+    long, tuber = length >= produce.ware_from_m, grade < 2
+    assert np.array_equal((grade == 0)[exists], (tuber & long)[exists])
+    assert np.array_equal((grade == 2)[exists], (~tuber & (items[..., RIPENESS] >= produce.ripe_from))[exists])
 
 
 def test_clumps_keep_the_rate_and_bunch_the_gaps():
     rng = np.random.default_rng(0)
-    smooth, clumped = SCENARIOS["load-1.25"], SCENARIOS["clumped-1.25"]
-    draws = rng.random(400_000), rng.random(400_000)
-    one, other = gaps(smooth, *draws), gaps(clumped, *draws)
+    draws = rng.random((100_000, 2)).tolist()
+    streams = [Stream.of(SortingConfig(scenario=SCENARIOS[name])) for name in ("load-1.25", "clumped-1.25")]
+    one, other = (np.array([gap_s(stream, *draw) for draw in draws]) for stream in streams)
     assert one.mean() == pytest.approx(other.mean(), rel=0.02)
     assert one.std() == pytest.approx(one.mean(), rel=0.02) and other.std() > 1.5 * other.mean()
 
 
 def test_items_wait_for_the_one_in_front_and_pass_on_the_delay():
     # Three in one lane within a second of each other, one beside them.
-    arrival, y = np.array([[0.0, 0.1, 0.2, 0.3]]), np.array([[0.0, 0.0, 0.0, 0.1]])
-    free = keep_apart(arrival, y, np.full((1, 4), 0.03), 0.06)
-    assert free[0] == pytest.approx([0.0, 1.0, 2.0, 0.3])
+    lane = np.zeros((4, len(ITEM)))
+    lane[:, ARRIVAL_S], lane[:, Y_M], lane[:, LENGTH_M] = (0.0, 0.1, 0.2, 0.3), (0.0, 0.0, 0.0, 0.1), 0.06
+    for i in range(4):
+        lane[i, ARRIVAL_S] = delayed_s(lane, i, 0.06)
+    assert lane[:, ARRIVAL_S] == pytest.approx([0.0, 1.0, 2.0, 0.3])
 
 
+@settings(deadline=None)
 @given(st.floats(-1.5, 1.5), st.floats(0.0, 0.6), st.floats(-3.0, 3.0), st.floats(0.6, 1.0), st.floats(0.6, 1.0))
 def test_an_item_touches_the_belt(yaw, tilt, azimuth, width, thick):
     half = 0.03 * np.array([1.0, width, width * thick])
@@ -347,7 +370,7 @@ def test_an_item_touches_the_belt(yaw, tilt, azimuth, width, thick):
     around = np.linspace(0.0, 2.0 * np.pi, 361)
     ball = np.stack([np.sin(up) * np.cos(around), np.sin(up) * np.sin(around), np.cos(up) + 0.0 * around], axis=-1)
     lowest = ((half * ball) @ turned.T)[..., 2].min()
-    height = centre_height_m(*(np.array(v) for v in (0.06, width, width * thick, yaw, tilt, azimuth)))
+    height = centre_height_m(0.06, width, width * thick, yaw, tilt, azimuth)
     assert height == pytest.approx(-lowest, abs=2e-5)
 
 
@@ -364,7 +387,7 @@ def test_the_stream_does_not_depend_on_the_camera_and_steps_draw_no_chance(scena
         env = gym.make(ID, backend="analytic", scenario=scenario, perception=perception).unwrapped
         env.reset(seed=3)
         core = env.get_wrapper_attr("core")
-        streams.append((core.item_place.copy(), core.item_shape.copy(), core._truth.copy()))
+        streams.append((core.items.copy(), core.state.item_truth.copy()))
         state = env.np_random.bit_generator.state
         for _ in range(5):
             env.step(0)
@@ -427,7 +450,7 @@ def test_the_search_places_as_many_as_the_best_order(seed):
 
     def order(sequence):
         def choose(core, step):
-            report = [int(core.report_item[0, r]) for r in core._survey().place[0, :4]]
+            report = core.state.report_item[0, core.state.slot_report[0, :4]].tolist()
             wanted = [slot for slot, item in enumerate(report) if item == sequence[step]]
             return wanted[0] if wanted else 12
 

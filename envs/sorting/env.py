@@ -13,7 +13,8 @@ from ..single import TaskEnv
 from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, PerceptionModel, SortingConfig
 from .executor import AnalyticSorter, PyBulletSorter
-from .task import SorterOutcome, SorterPlan, SortingCore
+from .state import SorterPlan
+from .task import SorterOutcome, SortingCore
 
 if TYPE_CHECKING:
     from .view import SorterView

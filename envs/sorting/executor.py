@@ -8,7 +8,8 @@ from ...motion.orientation import axes
 from ...simulation.sorter import SorterMachine
 from ..core import Array, Rows
 from .motions import PickMotion, Way
-from .task import PICK, SorterOutcome, SorterPlan, SortingCore
+from .state import CARRY, PICK, SorterPlan
+from .task import SorterOutcome, SortingCore
 
 _REST_TOLERANCE_M = 5e-4
 """The motion is over when the platform is this close to where it was sent."""
@@ -55,8 +56,8 @@ class PyBulletSorter:
         """Put the machine where the rules say it stands."""
         if len(rows):
             core = self._core
-            at = np.array([[*core.place[0], core.config.machine.travel_level_m]])
-            self._machine.reset(Way(at, core.turn[:1]).poses()[0])
+            at = np.array([[*core.state.place[0], core.config.machine.travel_level_m]])
+            self._machine.reset(Way(at, core.state.turn[:1]).poses()[0])
 
     def execute(self, plan: SorterPlan) -> SorterOutcome:
         """Drive the motion and say how long it took and what the fingers got."""
@@ -71,14 +72,14 @@ class PyBulletSorter:
         # The step in which the fingers close ends a little later; what counts is the error against the command.
         wanted = motion.sample(np.array([closing * self._dt]), False).position[0]
         axis = axes(quaternion)
-        grip = core.grip(plan, plan.grip + position - wanted, np.concatenate([axis[:, 0], axis[:, 2]])[:, None])
+        grip = core.grip(plan, plan.grip + position - wanted, np.concatenate([axis[:, 0], axis[:, 2]])[None])
         held = bool(grip.held[0])
         if held:
             machine.carry(core.item_mass_kg(plan))
         moved_s = self._finish(motion, closing, held)
         machine.carry(0.0)
         phases = core.phases_of(plan, grip.held).copy()
-        phases[0, 5] += moved_s - motion.duration_s(held)
+        phases[0, CARRY] += moved_s - motion.duration_s(held)
         return SorterOutcome(phases, grip)
 
     def close(self) -> None:

@@ -13,14 +13,15 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ...mechanisms import ThreePRRS
 from ...motion.orientation import euler_angles, tilted
+from ..compiled import compiled
 from ..core import Array
 
 TILTS_RAD = np.deg2rad([0.0, 5.0, 10.0, 15.0, 20.0])
 YAWS_RAD = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0])
+_TILT_STEP_RAD, _YAW_STEP_RAD = float(TILTS_RAD[1]), float(YAWS_RAD[1])
 RESERVE_M = 0.004
 """Taken off every tabulated radius: for the table's raster and for what a motion swings beyond its ends."""
 
@@ -74,17 +75,13 @@ def radii(mechanism: ThreePRRS, height_m: float) -> Array:
     return tabulate(mechanism, height_m) - RESERVE_M
 
 
-def reach_m(mechanism: ThreePRRS, height_m: float, tilt: ArrayLike, yaw: ArrayLike) -> Array:
-    """Radius (...) in metres that the platform keeps to at a tilt and yaw (rad); bilinear in the table."""
-    table = radii(mechanism, height_m)
-    step = TILTS_RAD[1], YAWS_RAD[1]
-    a = np.clip(np.asarray(tilt) / step[0], 0.0, len(TILTS_RAD) - 1.0)
-    b = np.clip(np.abs(yaw) / step[1], 0.0, len(YAWS_RAD) - 1.0)
-    i = np.minimum(a.astype(np.int64), len(TILTS_RAD) - 2)
-    j = np.minimum(b.astype(np.int64), len(YAWS_RAD) - 2)
+@compiled
+def reach_m(table: Array, tilt: float, yaw: float) -> float:
+    """Radius in metres that the platform keeps to at a tilt and yaw (rad); bilinear in a table of ``radii``."""
+    a = min(max(tilt / _TILT_STEP_RAD, 0.0), table.shape[0] - 1.0)
+    b = min(abs(yaw) / _YAW_STEP_RAD, table.shape[1] - 1.0)
+    i, j = min(int(a), table.shape[0] - 2), min(int(b), table.shape[1] - 2)
     a, b = a - i, b - j
-    flat, width = table.ravel(), len(YAWS_RAD)
-    at = i * width + j
-    upper = flat.take(at) * (1.0 - b) + flat.take(at + 1) * b
-    lower = flat.take(at + width) * (1.0 - b) + flat.take(at + width + 1) * b
+    upper = table[i, j] * (1.0 - b) + table[i, j + 1] * b
+    lower = table[i + 1, j] * (1.0 - b) + table[i + 1, j + 1] * b
     return upper * (1.0 - a) + lower * a

@@ -8,21 +8,19 @@ from ...motion.orientation import euler_angles
 from ...simulation.sorter_limits import first_violation
 from ..core import Array
 from .config import SortingConfig
-from .reports import COLUMNS
-
-_AT = {name: row for row, name in enumerate(COLUMNS)}
+from .state import ACROSS_M, DEADLINE_S, HEIGHT_M, LAST_M, TURN, Z_AXIS
 
 
-def explain(config: SortingConfig, columns: Array, time_s: float) -> str:
+def explain(config: SortingConfig, number: Array, time_s: float) -> str:
     """The reason for a report's numbers (columns,) at a time; see ``COLUMNS``."""
-    if np.isfinite(columns[_AT["last_x"]]):
-        return f"too late by {max(time_s - columns[_AT['deadline_s']], 0.0):.2f} s: it leaves the reach before the lift"
-    tool_axis = columns[_AT["z_x"] : _AT["z_z"] + 1]
+    if np.isfinite(number[LAST_M]):
+        return f"too late by {max(time_s - number[DEADLINE_S], 0.0):.2f} s: it leaves the reach before the lift"
+    tool_axis = number[Z_AXIS : Z_AXIS + 3]
     mechanism = config.machine.sorter.mechanism
     pose = np.zeros((2, 6))
-    pose[:, 1] = columns[_AT["y"]]
-    pose[:, 2] = columns[_AT["z"]], config.machine.travel_level_m
-    pose[:, 3:] = euler_angles(columns[_AT["w"] : _AT["k"] + 1])
+    pose[:, 1] = number[ACROSS_M]
+    pose[:, 2] = number[HEIGHT_M], config.machine.travel_level_m
+    pose[:, 3:] = euler_angles(number[TURN : TURN + 4])
     found = first_violation(mechanism, pose)
     if found is not None:
         return f"out of reach: {found.limit} is exceeded by {-found.margin:.4f}"

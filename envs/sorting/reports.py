@@ -2,96 +2,270 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
-from numpy.typing import NDArray
 
-from ...motion import QUINTIC
-from ...motion.orientation import axes, tilted
-from ..core import Array
-from .config import GRADES, SortingConfig
-from .process import grip_quality
+from ...motion import orientation
+from ..compiled import compiled, fill, shortest
+from ..core import Array, Rows
+from .config import GRADES
+from .features import CANDIDATE_FEATURES, LENGTH_SCALE_M, PLACE_SCALE_M, TILT_SCALE_RAD, TURN_SCALE_RAD
+from .process import Fingers, grip_quality, holds, slips
 from .reach import reach_m
-from .scenario import Reports
-
-COLUMNS = (
-    *("passing_s", "y", "first_x", "last_x", "hold_s", "deadline_s", "w", "i", "j", "k"),
-    *("carry_least_s", "carry_across_square", "bin_x", "carry_guess_s"),
-    *("z", "descend_s", "x_x", "x_y", "x_z", "z_x", "z_y", "z_z"),
+from .scenario import (
+    ARRIVAL_S,
+    AZIMUTH,
+    GRADE,
+    GRIP_LUCK,
+    LENGTH_M,
+    OF_ITEM,
+    SEEN_S,
+    SLIP_ACROSS_M,
+    SLIP_ALONG_M,
+    THICKNESS,
+    TILT,
+    WAY_LUCK,
+    WIDTH,
+    Y_M,
+    YAW,
+    Z_M,
 )
-"""Rows of a report's numbers: when the platform over it would pass x = 0; its y; first and last x where an approach may
-end; seconds from the approach's end to the lift's; latest end of an approach; the tool's quaternion; for the way to the
-bin its least time, square of y, x and a first guess at the time; height of the grip; seconds down (and up again); the
-tool's x and z axes."""
-
-SURVEYED = COLUMNS.index("z")
-"""Rows before this one are looked at for every candidate at every decision, the others for the chosen one."""
+from .state import (
+    ACROSS_M,
+    ASIDE_M2,
+    BIN_M,
+    CARRY_S,
+    DEADLINE_S,
+    DESCEND_S,
+    FIRST_M,
+    FLAT,
+    HEIGHT_M,
+    HOLD_LUCK,
+    HOLD_S,
+    LAST_M,
+    LEAST_S,
+    LEAVE_S,
+    LONG,
+    NARROW,
+    PASSING_S,
+    SHORT,
+    SLIP_LUCK,
+    TIME,
+    TOTAL,
+    TOTAL_VALUE,
+    TRUE_GRADE,
+    TRUE_S,
+    TRUE_Y,
+    TRUE_Z,
+    TURN,
+    X_AXIS,
+    Z_AXIS,
+    Tables,
+    Worlds,
+)
 
 SWING_M = 0.006
 """Kept free at the end of the reach: the way to the bin begins at the belt's speed [assumed, tested]."""
+_REFUSED_LEAVES_M = 0.10
+"""What cannot be gripped is shown until it has left the place where others are."""
+_NEVER_S = -1e9
+_GRADE, _WORTH = CANDIDATE_FEATURES.index(GRADES[0]), CANDIDATE_FEATURES.index("value")
+
+turned = compiled(orientation.tilted_parts)
+x_axis, z_axis = compiled(orientation.x_axis), compiled(orientation.z_axis)
+"""Parts of ``motion.orientation`` for single turns."""
 
 
-def wrapped(yaw: Array) -> Array:
+def wrapped(yaw: Any) -> Any:
     """Angles (...) in (-pi/2, pi/2]: an ellipsoid looks the same after half a turn."""
     return yaw - np.pi * np.ceil(yaw / np.pi - 0.5)
 
 
-def prepare(config: SortingConfig, reports: Reports) -> tuple[Array, NDArray[np.float32], Array]:
-    """Numbers (columns, R, M), features (R, M, F) and leaving times (R, M) of reports.
+_wrapped = compiled(wrapped)
 
-    Reports of nothing leave at infinity. Reports that cannot be gripped have no last x and no deadline.
+
+@compiled
+def begin_worlds(tables: Tables, worlds: Worlds, rows: Rows, items: Array) -> None:
+    """Begin anew with drawn items; the platform rests level in the middle, no report has come."""
+    for w in rows:
+        totals = worlds.totals[w]
+        fill(totals, 0.0)
+        end_s = 0.0
+        for i in range(items.shape[1] - 1):
+            item = items[w, i]
+            worlds.item_free[w, i] = item[ARRIVAL_S] < np.inf
+            if worlds.item_free[w, i]:
+                lay_item(tables, item, worlds.item_truth[w, i])
+                totals[TOTAL] += 1.0
+                totals[TOTAL_VALUE] += tables.values[int(item[GRADE])]
+                end_s = max(end_s, item[ARRIVAL_S] + tables.exit_s)
+        worlds.end_s[w] = end_s
+        fill(worlds.place[w], 0.0)
+        fill(worlds.turn[w], 0.0)
+        worlds.turn[w, 0], worlds.level[w] = 1.0, True
+        worlds.count[w], worlds.first[w] = 0, 0
+        fill(worlds.leave_s[w], np.inf)
+        for k in range(worlds.slot_report.shape[1]):
+            worlds.slot_report[w, k] = worlds.leave_s.shape[1] - 1
+
+
+@compiled
+def lay_item(tables: Tables, item: Array, truth: Array) -> None:
+    """Write the numbers of a true item, as it lies when it is gripped."""
+    truth[TRUE_S] = item[ARRIVAL_S] - item[SLIP_ALONG_M] / tables.speed_m_s
+    truth[TRUE_Y] = item[Y_M] + item[SLIP_ACROSS_M]
+    truth[TRUE_Z] = item[Z_M] - tables.above_m
+    w, x, y, z = turned(item[TILT], item[AZIMUTH], item[YAW])
+    truth[LONG], truth[LONG + 1], truth[LONG + 2] = x_axis(w, x, y, z)
+    truth[SHORT], truth[SHORT + 1], truth[SHORT + 2] = z_axis(w, x, y, z)
+    truth[NARROW], truth[FLAT] = (1.0 - item[WIDTH]) ** 2, (1.0 - item[THICKNESS]) ** 2
+    truth[HOLD_LUCK], truth[SLIP_LUCK] = item[GRIP_LUCK], item[WAY_LUCK]
+    truth[TRUE_GRADE] = item[GRADE]
+
+
+@compiled
+def take_reports(tables: Tables, worlds: Worlds, rows: Rows, reports: Array) -> None:
+    """Add reports (R, M, REPORT) to the worlds ``rows``; what is done or has left makes room, the rest is lost."""
+    empty = worlds.leave_s.shape[1] - 1
+    for r, w in enumerate(rows):
+        time_s, leave_s, queue = worlds.totals[w, TIME], worlds.leave_s[w], worlds.queue[w]
+        count, place = forget(queue, worlds.count[w], leave_s, time_s), 0
+        for m in range(reports.shape[1]):
+            report = reports[r, m]
+            if report[ARRIVAL_S] == np.inf:
+                continue
+            while place < empty and time_s < leave_s[place] < np.inf:
+                place += 1
+            if place == empty:
+                break
+            number, item = worlds.number[w, place], int(report[OF_ITEM])
+            prepare(tables, report, number, worlds.feature[w, place])
+            leave_s[place], worlds.seen_s[w, place] = number[LEAVE_S], report[SEEN_S]
+            worlds.report_item[w, place], worlds.report_grade[w, place] = item, int(report[GRADE])
+            held, lost = foresee(tables, number, worlds.item_truth[w, item])
+            worlds.report_held[w, place], worlds.report_lost[w, place] = held, lost
+            queue_up(queue, count, leave_s, place)
+            count += 1
+            place += 1
+        worlds.count[w], worlds.first[w] = count, 0
+        show_reports(worlds.slot_report[w], queue, 0, count, leave_s, worlds.seen_s[w], time_s)
+
+
+@compiled
+def forget(queue: Rows, count: int, leave_s: Array, time_s: float) -> int:
+    """Take out of the queue what has been tried or has left; gives how many are left."""
+    kept = 0
+    for q in range(count):
+        if leave_s[queue[q]] > time_s:
+            queue[kept] = queue[q]
+            kept += 1
+    return kept
+
+
+@compiled
+def queue_up(queue: Rows, count: int, leave_s: Array, report: int) -> None:
+    """Put a report where it belongs in the order of leaving."""
+    q = count
+    while q > 0 and leave_s[queue[q - 1]] > leave_s[report]:
+        queue[q] = queue[q - 1]
+        q -= 1
+    queue[q] = report
+
+
+@compiled
+def show_reports(slots: Rows, queue: Rows, first: int, count: int, leave_s: Array, seen_s: Array, time_s: float) -> int:
+    """Show the first reports, by leaving time, that have come and whose items are there; returns the first ahead."""
+    while first < count and leave_s[queue[first]] <= time_s:
+        first += 1
+    shown = 0
+    for q in range(first, count):
+        report = queue[q]
+        if leave_s[report] > time_s and seen_s[report] <= time_s:
+            slots[shown] = report
+            shown += 1
+            if shown == len(slots):
+                break
+    for k in range(shown, len(slots)):
+        slots[k] = len(leave_s) - 1
+    return first
+
+
+@compiled
+def prepare(tables: Tables, report: Array, number: Array, feature: Array) -> None:
+    """Write what follows from a report; one that cannot be gripped has no last x and no deadline."""
+    speed, grade = tables.speed_m_s, int(report[GRADE])
+    yaw_seen, tilt_seen = _wrapped(report[YAW]), report[TILT]
+    yaw = min(max(yaw_seen, -tables.yaw_limit_rad), tables.yaw_limit_rad)
+    tilt = min(tilt_seen, tables.tilt_limit_rad)
+    qw, qx, qy, qz = turned(tilt, report[AZIMUTH], yaw)
+    number[TURN], number[TURN + 1], number[TURN + 2], number[TURN + 3] = qw, qx, qy, qz
+    number[X_AXIS], number[X_AXIS + 1], number[X_AXIS + 2] = x_axis(qw, qx, qy, qz)
+    tool_x, tool_y, tool_z = z_axis(qw, qx, qy, qz)
+    number[Z_AXIS], number[Z_AXIS + 1], number[Z_AXIS + 2] = tool_x, tool_y, tool_z
+    passing = report[ARRIVAL_S] - tables.tool_m * tool_x / speed
+    y = report[Y_M] + tables.tool_m * tool_y
+    z = min(max(report[Z_M] + tables.tool_m * tool_z - tables.above_m, 0.0), tables.level_m)
+    down = shortest(tables.level_m - z, tables.down_pace, tables.square_pace)
+    hold = 2.0 * down + tables.grip_s
+    reach = reach_m(tables.reach_m, tilt, yaw)
+    half = math.sqrt(max(reach * reach - y * y, 0.0))
+    last = half - SWING_M - speed * hold
+    fits = tilt_seen <= tables.tilt_refused_rad and last > -half
+    turn = 2.0 * math.acos(min(qw, 1.0))
+    least = max(shortest(turn, tables.turn_pace, tables.turn_square_pace), tables.shortest_s)
+    bin_x, across = tables.bins[grade, 0], tables.bins[grade, 1] - y
+    aside = math.sqrt(across * across + bin_x * bin_x)
+    number[PASSING_S], number[ACROSS_M], number[FIRST_M], number[HOLD_S] = passing, y, -half, hold
+    number[LAST_M] = last if fits else -np.inf
+    number[DEADLINE_S] = passing + last / speed if fits else _NEVER_S
+    number[LEAVE_S] = passing + (last if fits else _REFUSED_LEAVES_M) / speed
+    number[LEAST_S], number[ASIDE_M2], number[BIN_M] = least, across * across, bin_x
+    number[CARRY_S] = max(shortest(aside, tables.pace, tables.square_pace), least)
+    number[HEIGHT_M], number[DESCEND_S] = z, down
+
+    misfit = ((1.0 - report[WIDTH]) * math.sin(yaw_seen - yaw)) ** 2
+    misfit += ((1.0 - report[THICKNESS]) * math.sin(tilt_seen - tilt)) ** 2
+    feature[0], feature[1], feature[2] = 1.0, 0.0, y / PLACE_SCALE_M
+    feature[3], feature[4] = math.cos(2.0 * yaw_seen), math.sin(2.0 * yaw_seen)
+    feature[5], feature[6] = tilt_seen / TILT_SCALE_RAD, turn / TURN_SCALE_RAD
+    feature[7] = report[LENGTH_M] / LENGTH_SCALE_M
+    for other in range(len(tables.values)):
+        feature[_GRADE + other] = 1.0 if other == grade else 0.0
+    feature[_WORTH] = tables.values[grade]
+    feature[_WORTH + 1] = tables.fingers.best * grip_quality(tables.fingers, 0.0, 0.0, 0.0, misfit)
+
+
+@compiled
+def foresee(tables: Tables, number: Array, truth: Array) -> tuple[bool, bool]:
+    """``fate`` with the tool where a report says, whenever that is: the belt's speed cancels out."""
+    return fate(
+        tables.fingers,
+        tables.speed_m_s * (truth[TRUE_S] - number[PASSING_S]) - tables.tool_m * number[Z_AXIS],
+        number[ACROSS_M] - tables.tool_m * number[Z_AXIS + 1] - truth[TRUE_Y],
+        number[HEIGHT_M] - tables.tool_m * number[Z_AXIS + 2] - truth[TRUE_Z],
+        number[X_AXIS : X_AXIS + 6],
+        truth,
+    )
+
+
+@compiled
+def fate(
+    fingers: Fingers, along_m: float, across_m: float, up_m: float, axes: Array, truth: Array
+) -> tuple[bool, bool]:
+    """Whether the fingers hold, and whether the item would slip on the way, if it is there.
+
+    Args:
+        fingers: numbers of the grip.
+        along_m: tool less item's centre; ``across_m`` and ``up_m`` alike.
+        across_m: see ``along_m``.
+        up_m: see ``along_m``.
+        axes: (6,), the tool's x and z axes.
+        truth: (TRUTHS,), the item's numbers.
     """
-    machine, belt, sorter = config.machine, config.belt, config.machine.sorter
-    there = np.isfinite(reports.arrival_s)
-    arrival = np.where(there, reports.arrival_s, 0.0)
-    yaw_seen = wrapped(reports.yaw)
-    yaw = np.clip(yaw_seen, -machine.yaw_limit_rad, machine.yaw_limit_rad)
-    tilt = np.minimum(reports.tilt, machine.tilt_limit_rad)
-    quaternion = np.moveaxis(tilted(tilt, reports.azimuth, yaw), -1, 0)
-    turned = axes(np.moveaxis(quaternion, 0, -1))
-    z_axis = turned[..., :, 2]
-    passing = arrival - sorter.tool_m * z_axis[..., 0] / belt.speed_m_s
-    y = reports.y_m + sorter.tool_m * z_axis[..., 1]
-    z = np.maximum(reports.z_m + sorter.tool_m * z_axis[..., 2] - sorter.origin_above_belt_m, 0.0)
-    z = np.minimum(z, machine.travel_level_m)
-    descend = QUINTIC.duration_unchecked(machine.travel_level_m - z, sorter.velocity_m_s, sorter.acceleration_m_s2)
-    hold = 2.0 * descend + config.grip.grip_s
-    reach = reach_m(sorter.mechanism, machine.travel_level_m + 0.005, tilt, yaw)
-    half = np.sqrt(np.maximum(reach * reach - y * y, 0.0))
-    last = half - SWING_M - belt.speed_m_s * hold
-    fits = (reports.tilt <= machine.tilt_limit_rad + config.grip.refused_tilt_rad) & (last > -half)
-    last = np.where(fits, last, -np.inf)
-    turn = 2.0 * np.arccos(np.minimum(quaternion[0], 1.0))
-    carry_least = np.maximum(
-        QUINTIC.duration_unchecked(turn, sorter.turn_rad_s, sorter.turn_rad_s2), machine.shortest_move_s
-    )
-    bins = np.array(belt.bins_m)
-    deadline = np.where(fits, passing + last / belt.speed_m_s, -np.inf)
-    across = bins[reports.grade, 1] - y
-    aside = np.sqrt(across * across + bins[reports.grade, 0] ** 2)
-    guess = QUINTIC.duration_unchecked(aside, sorter.velocity_m_s - belt.speed_m_s, sorter.acceleration_m_s2)
-    columns = np.stack(
-        [
-            *(passing, y, -half, last, hold, np.where(fits, deadline, -1e9), *quaternion),
-            *(carry_least, across * across, bins[reports.grade, 0], np.maximum(guess, carry_least), z, descend),
-            *(turned[..., row, column] for column in (0, 2) for row in range(3)),
-        ]
-    )
-    missing = reports.tilt - tilt
-    yaw_misfit = ((1.0 - reports.width) * np.sin(yaw_seen - yaw)) ** 2
-    tilt_misfit = ((1.0 - reports.thickness) * np.sin(missing)) ** 2
-    misfit = np.stack([yaw_misfit, tilt_misfit])
-    quality = config.grip.best * grip_quality(config.grip, np.zeros((3, *y.shape)), misfit)
-    # Scales as in the task's module, which this one must not import.
-    static = (
-        *(there, 0.0 * y, y / 0.2, np.cos(2.0 * yaw_seen), np.sin(2.0 * yaw_seen), reports.tilt / 0.35, turn),
-        reports.length_m / 0.06,
-        *(reports.grade == grade for grade in range(len(GRADES))),
-        np.array(config.produce.value)[reports.grade],
-        quality,
-    )
-    features = np.zeros((*y.shape, len(static) + 5), np.float32)
-    for column, values in enumerate(static):
-        features[..., column] = values
-    # What cannot be gripped is shown until it has left the place where others are.
-    leave = passing + np.where(fits, last, 0.10) / belt.speed_m_s
-    return columns, features, np.where(there, leave, np.inf)
+    long = axes[0] * truth[LONG] + axes[1] * truth[LONG + 1] + axes[2] * truth[LONG + 2]
+    short = axes[3] * truth[SHORT] + axes[4] * truth[SHORT + 1] + axes[5] * truth[SHORT + 2]
+    misfit = (1.0 - long * long) * truth[NARROW] + (1.0 - short * short) * truth[FLAT]
+    quality = grip_quality(fingers, along_m, across_m, up_m, misfit)
+    return holds(fingers, quality, truth[HOLD_LUCK]), slips(fingers, quality, truth[SLIP_LUCK])

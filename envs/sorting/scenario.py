@@ -1,22 +1,22 @@
 """Draws streams of produce: when and where items come down the belt, how they lie, and what a camera reports of them.
 
-Each world hands over blocks of uniform and normal numbers from its own generator; everything else is array arithmetic
-over the worlds, so a world's stream does not depend on how many worlds are drawn beside it.
+Each world hands over blocks of uniform and normal numbers from its own generator; everything else follows from them
+world by world, so a world's stream does not depend on how many worlds are drawn beside it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import pdtr
 
-from ...motion.orientation import axes, tilted
-from ..core import Array
-from .config import PerceptionModel, ProduceConfig, ScenarioConfig, SortingConfig
+from ..compiled import compiled, fill
+from ..core import Array, Rows
+from .config import PerceptionModel, ScenarioConfig, SortingConfig
 
 FRUIT = 1
 """Kinds: 0 tuber, 1 fruit; grades 2 * kind and 2 * kind + 1."""
@@ -25,101 +25,155 @@ _FALSE_RESERVE = 5.0
 _NEIGHBOURS = 5
 _DRAWS, _NORMALS, _SEEN_DRAWS, _SEEN_NORMALS = 13, 3, 2, 9
 _GHOST_DRAWS = 6
+_GHOST_CENTRE_M, _GHOST_THICKNESS = 0.014, 0.5
 
 
-@dataclass(frozen=True)
-class Items:
-    """True items of R worlds, N slots each, in the order of arrival; what does not exist comes at infinity.
+COMMON = ("arrival_s", "y_m", "z_m", "yaw", "tilt", "azimuth", "length_m", "width", "thickness", "grade")
+ARRIVAL_S, Y_M, Z_M, YAW, TILT, AZIMUTH, LENGTH_M, WIDTH, THICKNESS, GRADE = range(10)
+"""What is true of an item, and what a camera says of one: when its centre passes x = 0, infinite where there is none;
+its centre across and above the belt, which the ellipsoid touches; direction of the long axis before the tilt, rad; lean
+of the short axis and where it leans to, rad; full length, width and thickness as fractions of it; grade's index."""
 
-    Attributes:
-        arrival_s: (R, N), when the centre passes x = 0.
-        y_m: (R, N), centre across the belt.
-        z_m: (R, N), centre above the belt: the ellipsoid touches it.
-        yaw: (R, N), rad in (-pi/2, pi/2], direction of the long axis before the tilt.
-        tilt: (R, N), rad, lean of the short axis.
-        azimuth: (R, N), rad, where it leans to.
-        length_m: (R, N), full axes' lengths; ``width`` and ``thickness`` (R, N) are fractions of the length.
-        width: see ``length_m``.
-        thickness: see ``length_m``.
-        ripeness: (R, N), of fruits.
-        skin: (R, N), ripeness that the skin's colour suggests.
-        grade: (R, N), index into ``GRADES``.
-        exists: (R, N).
-        luck: (R, N, 2), uniform: the grip's and the way's.
-        slip_m: (R, N, 2), how far, along and across, the item has left its place on the belt when it is gripped.
-    """
+ITEM = (*COMMON, "ripeness", "skin", "grip_luck", "way_luck", "slip_along_m", "slip_across_m")
+RIPENESS, SKIN, GRIP_LUCK, WAY_LUCK, SLIP_ALONG_M, SLIP_ACROSS_M = range(10, 16)
+"""Besides, of an item: ripeness of a fruit, ripeness that the skin's colour suggests, uniform luck of the grip and of
+the way, how far it has left its place on the belt when it is gripped."""
 
-    arrival_s: Array
-    y_m: Array
-    z_m: Array
-    yaw: Array
-    tilt: Array
-    azimuth: Array
-    length_m: Array
-    width: Array
-    thickness: Array
-    ripeness: Array
-    skin: Array
-    grade: NDArray[np.int64]
-    exists: NDArray[np.bool_]
-    luck: Array
-    slip_m: Array
+REPORT = (*COMMON, "seen_s", "item")
+SEEN_S, OF_ITEM = 10, 11
+"""Besides, of a report: when it arrives, and for scoring alone the item behind it, the last one where there is none."""
 
 
-@dataclass(frozen=True)
-class Reports:
-    """What the camera says of items, M a world, in any order; shapes (R, M).
+class Stream(NamedTuple):
+    """What a stream is drawn from: the configuration in the shape that a kernel takes.
 
     Attributes:
-        arrival_s: when the reported centre will pass x = 0; infinite where nothing is reported.
-        y_m: across the belt.
-        z_m: centre above the belt.
-        yaw: rad.
-        tilt: rad.
-        azimuth: rad.
-        length_m: full length.
-        width: fraction of the length.
-        thickness: fraction of the length.
-        grade: index into ``GRADES``.
-        seen_s: when the report arrives.
-        item: true item behind it, N for none; for scoring alone.
+        stay: chance that the next item belongs to the same clump.
+        gap_s: (2,), mean time between the items of a clump, and between clumps.
+        stream_s: items come for this long.
+        start_s: when an item passes x = 0 that lies at the beginning of the belt at time 0, negated.
+        speed_m_s: of the belt.
+        half_width_m: item centres keep to this distance from the belt's middle.
+        fruit_share: share of fruits.
+        low: (2, 3), by kind: smallest length, width / length and thickness / width.
+        span: (2, 3), how much larger the largest is.
+        levels: (2, 3), number of values on the raster.
+        tilt_sigma_rad: of the Rayleigh law.
+        tilt_max_rad: largest tilt.
+        ware_from_m: tubers at least this long are ware.
+        ripe_from: fruits at least this ripe are ripe.
+        skin_sigma: how far the skin's colour is from the ripeness.
+        slip_sigma_m: how far an item has left its place, along and across.
     """
 
-    arrival_s: Array
-    y_m: Array
-    z_m: Array
-    yaw: Array
-    tilt: Array
-    azimuth: Array
-    length_m: Array
-    width: Array
-    thickness: Array
-    grade: NDArray[np.int64]
-    seen_s: Array
-    item: NDArray[np.int64]
+    stay: float
+    gap_s: Array
+    stream_s: float
+    start_s: float
+    speed_m_s: float
+    half_width_m: float
+    fruit_share: float
+    low: Array
+    span: Array
+    levels: Array
+    tilt_sigma_rad: float
+    tilt_max_rad: float
+    ware_from_m: float
+    ripe_from: float
+    skin_sigma: float
+    slip_sigma_m: float
+
+    @classmethod
+    def of(cls, config: SortingConfig) -> Stream:
+        """The numbers of a configuration."""
+        scenario, produce, belt = config.scenario, config.produce, config.belt
+        stay = 1.0 - 1.0 / scenario.clump
+        apart_s = scenario.clump * (1.0 / scenario.rate_hz - stay * scenario.clump_gap_s)
+        ranges = np.array(
+            [
+                [produce.tuber_length_m, produce.tuber_width, produce.thickness],
+                [produce.fruit_length_m, produce.fruit_width, produce.thickness],
+            ]
+        )
+        levels = np.full((2, 3), float(produce.shape_levels))
+        levels[:, 0] = np.round((ranges[:, 0, 1] - ranges[:, 0, 0]) / produce.length_step_m) + 1.0
+        return cls(
+            stay=float(stay),
+            gap_s=np.array([scenario.clump_gap_s, apart_s]),
+            stream_s=float(scenario.stream_s),
+            start_s=float(belt.start_x_m / belt.speed_m_s),
+            speed_m_s=float(belt.speed_m_s),
+            half_width_m=float(belt.item_half_width_m),
+            fruit_share=float(produce.fruit_share),
+            low=ranges[..., 0].copy(),
+            span=ranges[..., 1] - ranges[..., 0],
+            levels=levels,
+            tilt_sigma_rad=float(produce.tilt_sigma_rad),
+            tilt_max_rad=float(produce.tilt_max_rad),
+            ware_from_m=float(produce.ware_from_m),
+            ripe_from=float(produce.ripe_from),
+            skin_sigma=float(produce.skin_sigma),
+            slip_sigma_m=float(belt.slip_sigma_m),
+        )
+
+
+class Camera(NamedTuple):
+    """What reports are drawn from: the perception model in the shape that a kernel takes.
+
+    Attributes:
+        recall: share of items that are reported.
+        limits: (4, 3), cumulative confusion by true grade.
+        bias_m: (3,), of the reported centre.
+        sigma_m: (3,), of the reported centre.
+        yaw_sigma_rad: (2,), by kind.
+        tilt_sigma_rad: (2,), by kind and horizontal component.
+        length_sigma: relative error of the reported axes.
+        ghosts: (G,), cumulative probabilities of 0, 1, ... reports of nothing.
+        ghost_length_m: shortest reported length of nothing.
+        report_s: from when a centre passes x = 0 to when its report arrives.
+    """
+
+    recall: float
+    limits: Array
+    bias_m: Array
+    sigma_m: Array
+    yaw_sigma_rad: Array
+    tilt_sigma_rad: Array
+    length_sigma: float
+    ghosts: Array
+    ghost_length_m: float
+    report_s: float
+
+    @classmethod
+    def of(cls, config: SortingConfig, perception: PerceptionModel) -> Camera:
+        """The numbers of a configuration."""
+        scenario, belt = config.scenario, config.belt
+        return cls(
+            recall=float(perception.recall),
+            limits=np.cumsum(np.asarray(perception.confusion, float), axis=1)[:, :-1].copy(),
+            bias_m=np.array(perception.bias_m, float),
+            sigma_m=np.array(perception.sigma_m, float),
+            yaw_sigma_rad=np.array(perception.yaw_sigma_rad, float),
+            tilt_sigma_rad=np.array(perception.tilt_sigma_rad, float),
+            length_sigma=float(perception.length_sigma),
+            ghosts=false_table(perception.false_per_item * scenario.rate_hz * scenario.stream_s),
+            ghost_length_m=float(config.produce.tuber_length_m[0]),
+            report_s=float((belt.camera_x_m + 0.5 * belt.camera_step_m) / belt.speed_m_s + belt.latency_s),
+        )
 
 
 @lru_cache(maxsize=32)
 def false_table(mean: float) -> Array:
     """Cumulative Poisson probabilities of 0, 1, ... false reports, up to where they no longer matter."""
     slots = int(np.ceil(mean + _FALSE_RESERVE * np.sqrt(mean) + 1.0)) if mean > 0.0 else 0
-    return stats.poisson.cdf(np.arange(slots), mean)
+    return pdtr(np.arange(slots), mean)
 
 
-def ghost_slots(config: SortingConfig, perception: PerceptionModel) -> int:
-    """Most reports of nothing in one stream."""
-    return len(false_table(perception.false_per_item * config.scenario.rate_hz * config.scenario.stream_s))
-
-
-def random_numbers(config: SortingConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
+def random_numbers(scenario: ScenarioConfig, camera: Camera) -> tuple[int, int, int, int]:
     """Lengths of a world's blocks: uniform and normal numbers of the stream, then of the camera."""
-    n = config.scenario.max_items
-    return (
-        _DRAWS * n,
-        _NORMALS * n,
-        _SEEN_DRAWS * n + 1 + _GHOST_DRAWS * ghost_slots(config, perception),
-        _SEEN_NORMALS * n,
-    )
+    n = scenario.max_items
+    seen = _SEEN_DRAWS * n + 1 + _GHOST_DRAWS * len(camera.ghosts)
+    return _DRAWS * n, _NORMALS * n, seen, _SEEN_NORMALS * n
 
 
 def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int, int, int]) -> list[Array]:
@@ -131,163 +185,136 @@ def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, i
     return [np.stack(column) for column in zip(*rows, strict=True)]
 
 
-def gaps(scenario: ScenarioConfig, wait: Array, together: Array) -> Array:
-    """Seconds between arrivals from uniform numbers (...): exponential, or short ones within clumps."""
-    stay = 1.0 - 1.0 / scenario.clump
-    apart = scenario.clump * (1.0 / scenario.rate_hz - stay * scenario.clump_gap_s)
-    return -np.log1p(-wait) * np.where(together < stay, scenario.clump_gap_s, apart)
+@compiled
+def gap_s(stream: Stream, wait: float, together: float) -> float:
+    """Seconds to the next arrival from uniform numbers: exponential, short within a clump."""
+    return -math.log1p(-wait) * stream.gap_s[0 if together < stream.stay else 1]
 
 
-def keep_apart(arrival_s: Array, y_m: Array, radius_m: Array, speed_m_s: float) -> Array:
-    """Delay items (R, N), in order of arrival, until none overlaps one of the five before it.
-
-    Every item comes as soon as it may: the delays are passed on down the belt until nothing changes any more.
-    """
-    n = arrival_s.shape[1]
-    time = arrival_s.copy()
-    count = min(_NEIGHBOURS, n - 1)
-    clear_s = []
-    for back in range(1, count + 1):
-        reach = radius_m[:, :-back] + radius_m[:, back:]
-        across = y_m[:, :-back] - y_m[:, back:]
+@compiled
+def delayed_s(lane: Array, i: int, speed_m_s: float) -> float:
+    """When item ``i`` of a world comes, at the earliest, so that it overlaps none of the five before it."""
+    earliest = lane[i, ARRIVAL_S]
+    for j in range(max(i - _NEIGHBOURS, 0), i):
+        reach = 0.5 * lane[j, LENGTH_M] + 0.5 * lane[i, LENGTH_M]
+        across = lane[j, Y_M] - lane[i, Y_M]
         square = reach * reach - across * across
         # Items that pass beside each other do not wait for each other at all.
-        clear_s.append(np.where(square > 0.0, np.sqrt(np.maximum(square, 0.0)) * (1.0 / speed_m_s), -np.inf))
-    for _ in range(n):
-        before = time.copy()
-        for back, clear in enumerate(clear_s, start=1):
-            np.maximum(time[:, back:], before[:, :-back] + clear, out=time[:, back:])
-        if np.array_equal(time, before):
-            break
-    return time
+        if square > 0.0:
+            earliest = max(earliest, lane[j, ARRIVAL_S] + math.sqrt(square) * (1.0 / speed_m_s))
+    return earliest
 
 
-def centre_height_m(length_m: Array, width: Array, thickness: Array, yaw: Array, tilt: Array, azimuth: Array) -> Array:
-    """Height (...) of an ellipsoid's centre over the plane it touches."""
+@compiled
+def centre_height_m(length_m: float, width: float, thickness: float, yaw: float, tilt: float, azimuth: float) -> float:
+    """Height of an ellipsoid's centre over the plane it touches."""
     # The third row of the turned frame: how much of each axis points up.
-    lean = np.sin(tilt)
-    long_up = -lean * np.cos(azimuth - yaw)
-    wide_up = -lean * np.sin(azimuth - yaw)
-    square = long_up**2 + (width * wide_up) ** 2 + (thickness * np.cos(tilt)) ** 2
-    return 0.5 * length_m * np.sqrt(square)
+    lean = math.sin(tilt)
+    long_up = -lean * math.cos(azimuth - yaw)
+    wide_up = -lean * math.sin(azimuth - yaw) * width
+    short_up = thickness * math.cos(tilt)
+    return 0.5 * length_m * math.sqrt(long_up * long_up + wide_up * wide_up + short_up * short_up)
 
 
-def grades(produce: ProduceConfig, kind: NDArray[np.int64], length_m: Array, ripeness: Array) -> NDArray[np.int64]:
-    """Grade (...) by kind, a tuber's length and a fruit's ripeness."""
-    second = np.where(kind == FRUIT, ripeness < produce.ripe_from, length_m < produce.ware_from_m)
-    return 2 * kind + second
+@compiled
+def on_raster(stream: Stream, kind: int, size: int, draw: float) -> float:
+    """A value on the raster over a range: ``size`` 0 length, 1 width, 2 thickness."""
+    levels = stream.levels[kind, size]
+    return stream.low[kind, size] + stream.span[kind, size] * (math.floor(draw * levels) / max(levels - 1.0, 1.0))
 
 
-def draw_items(config: SortingConfig, uniform: Array, normal: Array) -> Items:
-    """Lay the items of R worlds on the belt from their random blocks (R, .)."""
-    scenario, produce, belt = config.scenario, config.produce, config.belt
-    n = scenario.max_items
-    u = np.ascontiguousarray(uniform.reshape(len(uniform), _DRAWS, n).swapaxes(0, 1))
-    z = np.ascontiguousarray(normal.reshape(len(normal), _NORMALS, n).swapaxes(0, 1))
-    kind = (u[6] < produce.fruit_share).astype(np.int64)
-
-    def pick(tuber: tuple[float, float], fruit: tuple[float, float], levels: Array, draw: Array) -> Array:
-        """A value on a raster of ``levels`` over the range of each item's kind."""
-        low, high = np.array([tuber, fruit]).T
-        count = levels[kind]
-        return low[kind] + (high - low)[kind] * (np.floor(draw * count) / np.maximum(count - 1.0, 1.0))
-
-    lengths = np.array([produce.tuber_length_m, produce.fruit_length_m])
-    steps = np.round((lengths[:, 1] - lengths[:, 0]) / produce.length_step_m) + 1.0
-    ratios = np.full(2, float(produce.shape_levels))
-    length = pick(produce.tuber_length_m, produce.fruit_length_m, steps, u[7])
-    width = pick(produce.tuber_width, produce.fruit_width, ratios, u[8])
-    thickness = width * pick(produce.thickness, produce.thickness, ratios, u[9])
-    start = np.cumsum(gaps(scenario, u[0], u[1]), axis=1)
-    exists = start < scenario.stream_s
-    y = belt.item_half_width_m * (2.0 * u[2] - 1.0)
-    yaw = np.pi * (u[3] - 0.5)
-    tilt = np.minimum(produce.tilt_sigma_rad * np.sqrt(-2.0 * np.log1p(-u[4])), produce.tilt_max_rad)
-    azimuth = 2.0 * np.pi * u[5]
-    arrival = keep_apart(start, y, 0.5 * length, belt.speed_m_s) - belt.start_x_m / belt.speed_m_s
-    return Items(
-        arrival_s=np.where(exists, arrival, np.inf),
-        y_m=y,
-        z_m=centre_height_m(length, width, thickness, yaw, tilt, azimuth),
-        yaw=yaw,
-        tilt=tilt,
-        azimuth=azimuth,
-        length_m=length,
-        width=width,
-        thickness=thickness,
-        ripeness=u[10],
-        skin=np.clip(u[10] + produce.skin_sigma * z[2], 0.0, 1.0),
-        grade=grades(produce, kind, length, u[10]),
-        exists=exists,
-        luck=np.stack([u[11], u[12]], axis=-1),
-        slip_m=belt.slip_sigma_m * np.stack([z[0], z[1]], axis=-1),
-    )
+@compiled
+def draw_items(stream: Stream, items: Array, rows: Rows, uniform: Array, normal: Array) -> None:
+    """Lay the items (B, N, ITEM) of the worlds ``rows``, in order of arrival, from their random blocks (R, .)."""
+    n = uniform.shape[1] // _DRAWS
+    for r, w in enumerate(rows):
+        u, z, lane = uniform[r].reshape(_DRAWS, n), normal[r].reshape(_NORMALS, n), items[w]
+        fill(lane[:, ARRIVAL_S], np.inf)
+        start_s = 0.0
+        for i in range(n):
+            start_s += gap_s(stream, u[0, i], u[1, i])
+            if start_s >= stream.stream_s:
+                break
+            draw_item(stream, lane[i], u[:, i], z[:, i])
+            lane[i, ARRIVAL_S] = start_s
+            lane[i, ARRIVAL_S] = delayed_s(lane, i, stream.speed_m_s)
+        for i in range(n):
+            lane[i, ARRIVAL_S] -= stream.start_s
 
 
+@compiled
+def draw_item(stream: Stream, item: Array, u: Array, z: Array) -> None:
+    """What one item is and how it lies, from its uniform and normal numbers."""
+    kind = 1 if u[6] < stream.fruit_share else 0
+    item[Y_M] = stream.half_width_m * (2.0 * u[2] - 1.0)
+    item[YAW], item[AZIMUTH] = math.pi * (u[3] - 0.5), 2.0 * math.pi * u[5]
+    item[TILT] = min(stream.tilt_sigma_rad * math.sqrt(-2.0 * math.log1p(-u[4])), stream.tilt_max_rad)
+    item[LENGTH_M], item[WIDTH] = on_raster(stream, kind, 0, u[7]), on_raster(stream, kind, 1, u[8])
+    item[THICKNESS] = item[WIDTH] * on_raster(stream, kind, 2, u[9])
+    item[Z_M] = centre_height_m(item[LENGTH_M], item[WIDTH], item[THICKNESS], item[YAW], item[TILT], item[AZIMUTH])
+    second = u[10] < stream.ripe_from if kind == FRUIT else item[LENGTH_M] < stream.ware_from_m
+    item[GRADE] = 2.0 * kind + (1.0 if second else 0.0)
+    item[RIPENESS], item[SKIN] = u[10], min(max(u[10] + stream.skin_sigma * z[2], 0.0), 1.0)
+    item[GRIP_LUCK], item[WAY_LUCK] = u[11], u[12]
+    item[SLIP_ALONG_M], item[SLIP_ACROSS_M] = stream.slip_sigma_m * z[0], stream.slip_sigma_m * z[1]
+
+
+@compiled
 def draw_reports(
-    config: SortingConfig, perception: PerceptionModel, items: Items, uniform: Array, normal: Array
-) -> Reports:
-    """What the statistical camera reports of R worlds, from random blocks (R, .) of its own."""
-    belt = config.belt
-    rows, n = items.exists.shape
-    u = np.ascontiguousarray(uniform[:, : 2 * n].reshape(rows, 2, n).swapaxes(0, 1))
-    z = np.ascontiguousarray(normal.reshape(rows, _SEEN_NORMALS, n).swapaxes(0, 1))
-    kind = items.grade // 2
-    seen = items.exists & (u[0] < perception.recall)
-    limits = np.cumsum(np.asarray(perception.confusion), axis=1)[:, :-1]
-    grade = sum((u[1] > limits[:, column][items.grade]).astype(np.int64) for column in range(limits.shape[1]))
-    bias, sigma = perception.bias_m, perception.sigma_m
-    yaw = items.yaw + np.asarray(perception.yaw_sigma_rad)[kind] * z[3]
-    lean = np.asarray(perception.tilt_sigma_rad)[kind]
-    lean_x = items.tilt * np.cos(items.azimuth) + lean * z[4]
-    lean_y = items.tilt * np.sin(items.azimuth) + lean * z[5]
-    scale = 1.0 + perception.length_sigma * z[6:9]
-    arrival = items.arrival_s - (bias[0] + sigma[0] * z[0]) / belt.speed_m_s
-    reports = {
-        "arrival_s": np.where(seen, arrival, np.inf),
-        "y_m": items.y_m + bias[1] + sigma[1] * z[1],
-        "z_m": items.z_m + bias[2] + sigma[2] * z[2],
-        "yaw": yaw,
-        "tilt": np.sqrt(lean_x * lean_x + lean_y * lean_y),
-        "azimuth": np.arctan2(lean_y, lean_x),
-        "length_m": items.length_m * scale[0],
-        "width": np.minimum(items.width * scale[1] / scale[0], 1.0),
-        "thickness": np.minimum(items.thickness * scale[2] / scale[0], 1.0),
-        "grade": grade,
-        "item": np.broadcast_to(np.arange(n), seen.shape),
-    }
-    ghosts = ghost_slots(config, perception)
-    if ghosts:
-        for name, values in _ghosts(config, perception, uniform[:, 2 * n :], ghosts, n).items():
-            reports[name] = np.concatenate([reports[name], values], axis=1)
-    half_step = 0.5 * belt.camera_step_m
-    reports["seen_s"] = reports["arrival_s"] + (belt.camera_x_m + half_step) / belt.speed_m_s + belt.latency_s
-    return Reports(**reports)
+    stream: Stream, camera: Camera, items: Array, rows: Rows, uniform: Array, normal: Array, reports: Array
+) -> None:
+    """Write what the statistical camera reports (R, M, REPORT) of the worlds ``rows``, from blocks of its own."""
+    n = normal.shape[1] // _SEEN_NORMALS
+    for r, w in enumerate(rows):
+        u, z = uniform[r, : 2 * n].reshape(_SEEN_DRAWS, n), normal[r].reshape(_SEEN_NORMALS, n)
+        fill(reports[r, :, ARRIVAL_S], np.inf)
+        fill(reports[r, :, OF_ITEM], items.shape[1] - 1.0)
+        for i in range(n):
+            if items[w, i, ARRIVAL_S] == np.inf:
+                break
+            if u[0, i] < camera.recall:
+                draw_report(stream, camera, items[w, i], u[1, i], z[:, i], reports[r, i])
+                reports[r, i, OF_ITEM] = i
+        draw_ghosts(stream, camera, uniform[r, 2 * n :], reports[r, n:])
+        for m in range(reports.shape[1]):
+            reports[r, m, SEEN_S] = reports[r, m, ARRIVAL_S] + camera.report_s
 
 
-def _ghosts(config: SortingConfig, perception: PerceptionModel, draws: Array, ghosts: int, nothing: int) -> dict:
-    """Reports of nothing: a stain on the belt that looks like a small level item."""
-    scenario, produce, belt = config.scenario, config.produce, config.belt
-    table = false_table(perception.false_per_item * scenario.rate_hz * scenario.stream_s)
-    there = np.arange(ghosts) < np.searchsorted(table, draws[:, 0], side="right")[:, None]
-    u = np.ascontiguousarray(draws[:, 1:].reshape(len(draws), _GHOST_DRAWS, ghosts).swapaxes(0, 1))
-    flat = np.zeros_like(u[0])
-    return {
-        "arrival_s": np.where(there, scenario.stream_s * u[0] - belt.start_x_m / belt.speed_m_s, np.inf),
-        "y_m": belt.item_half_width_m * (2.0 * u[1] - 1.0),
-        "z_m": flat + 0.014,
-        "yaw": np.pi * (u[2] - 0.5),
-        "tilt": flat,
-        "azimuth": flat,
-        "length_m": produce.tuber_length_m[0] + 0.01 * u[3],
-        "width": 0.65 + 0.3 * u[4],
-        "thickness": flat + 0.5,
-        "grade": np.minimum((4.0 * u[5]).astype(np.int64), 3),
-        "item": np.full(u[0].shape, nothing),
-    }
+@compiled
+def draw_report(stream: Stream, camera: Camera, item: Array, u: float, z: Array, report: Array) -> None:
+    """What the camera says of one item that it sees."""
+    true_grade = int(item[GRADE])
+    lean = camera.tilt_sigma_rad[true_grade // 2]
+    lean_x = item[TILT] * math.cos(item[AZIMUTH]) + lean * z[4]
+    lean_y = item[TILT] * math.sin(item[AZIMUTH]) + lean * z[5]
+    length = 1.0 + camera.length_sigma * z[6]
+    report[ARRIVAL_S] = item[ARRIVAL_S] - (camera.bias_m[0] + camera.sigma_m[0] * z[0]) / stream.speed_m_s
+    report[Y_M] = item[Y_M] + camera.bias_m[1] + camera.sigma_m[1] * z[1]
+    report[Z_M] = item[Z_M] + camera.bias_m[2] + camera.sigma_m[2] * z[2]
+    report[YAW] = item[YAW] + camera.yaw_sigma_rad[true_grade // 2] * z[3]
+    report[TILT] = math.sqrt(lean_x * lean_x + lean_y * lean_y)
+    report[AZIMUTH] = math.atan2(lean_y, lean_x)
+    report[LENGTH_M] = item[LENGTH_M] * length
+    report[WIDTH] = min(item[WIDTH] * (1.0 + camera.length_sigma * z[7]) / length, 1.0)
+    report[THICKNESS] = min(item[THICKNESS] * (1.0 + camera.length_sigma * z[8]) / length, 1.0)
+    report[GRADE] = 0.0
+    for column in range(camera.limits.shape[1]):
+        if u > camera.limits[true_grade, column]:
+            report[GRADE] += 1.0
 
 
-def item_axes(yaw: Array, tilt: Array, azimuth: Array) -> tuple[Array, Array]:
-    """Unit vectors (..., 3) of an item's long and short axes."""
-    turned = axes(tilted(tilt, azimuth, yaw))
-    return turned[..., :, 0], turned[..., :, 2]
+@compiled
+def draw_ghosts(stream: Stream, camera: Camera, draws: Array, reports: Array) -> None:
+    """Reports (G, REPORT) of nothing: a stain on the belt that looks like a small level item."""
+    u = draws[1:].reshape(_GHOST_DRAWS, len(camera.ghosts))
+    for g in range(len(camera.ghosts)):
+        # The number of ghosts is the first whose cumulative probability exceeds the draw.
+        if draws[0] < camera.ghosts[g]:
+            break
+        report = reports[g]
+        report[ARRIVAL_S] = stream.stream_s * u[0, g] - stream.start_s
+        report[Y_M], report[Z_M] = stream.half_width_m * (2.0 * u[1, g] - 1.0), _GHOST_CENTRE_M
+        report[YAW], report[TILT], report[AZIMUTH] = math.pi * (u[2, g] - 0.5), 0.0, 0.0
+        report[LENGTH_M] = camera.ghost_length_m + 0.01 * u[3, g]
+        report[WIDTH], report[THICKNESS] = 0.65 + 0.3 * u[4, g], _GHOST_THICKNESS
+        report[GRADE] = min(math.floor(4.0 * u[5, g]), 3.0)

@@ -12,9 +12,24 @@ from ...perception.produce import Produce, ProduceRules, detect_produce
 from ...simulation.camera import RgbdFrame
 from ..core import Array, StepResult
 from .motions import PickMotion, Way
-from .scenario import FRUIT, Reports
+from .scenario import (
+    ARRIVAL_S,
+    AZIMUTH,
+    FRUIT,
+    GRADE,
+    LENGTH_M,
+    REPORT,
+    SKIN,
+    THICKNESS,
+    TILT,
+    WIDTH,
+    Y_M,
+    YAW,
+    Z_M,
+)
 from .scene import BELT_END_M, BELT_START_M, ShownItem, SorterScene, item_colour
-from .task import PICK, SorterPlan, SortingCore
+from .state import PICK, SorterPlan
+from .task import SortingCore
 
 MATCH_RADIUS_M = 0.025
 """A report farther than this from every item is counted as false."""
@@ -53,7 +68,7 @@ class SorterView:
         core, belt = self._core, self._config.belt
         self._load_if_new()
         now = float(core.time_s[0])
-        while self._due_s(self._frames) <= now and self._due_s(self._frames) <= float(core.end_s[0]):
+        while self._due_s(self._frames) <= now and self._due_s(self._frames) <= float(core.state.end_s[0]):
             taken_s, seen = self.take(self._frames)
             half = 0.5 * belt.camera_step_m
             near = np.abs(seen.position[:, 0] - belt.camera_x_m) <= half
@@ -76,8 +91,8 @@ class SorterView:
         core = self._core
         self._load_if_new()
         self._settle()
-        at = np.array([[*core.place[0], self._config.machine.travel_level_m]])
-        return self._draw(float(core.time_s[0]), Way(at, core.turn[:1]), 0, None)
+        at = np.array([[*core.state.place[0], self._config.machine.travel_level_m]])
+        return self._draw(float(core.time_s[0]), Way(at, core.state.turn[:1]), 0, None)
 
     def frames(self, plan: SorterPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
         """Pictures of a decision: waiting, the way to the item and down, and to the bin."""
@@ -89,7 +104,7 @@ class SorterView:
         times = np.arange(0.0, elapsed_s, 1.0 / frames_per_second)
         moving = plan.kind[0] == PICK
         held = bool(moving and result.phases_s[0, 6] > 0.0)
-        item = int(core.report_item[0, plan.report[0]]) if held else -1
+        item = int(core.state.report_item[0, plan.report[0]]) if held else -1
         at = np.array([[*plan.start[0], self._config.machine.travel_level_m]])
         way = Way(np.repeat(at, len(times), 0), np.repeat(plan.start_turn[:1], len(times), 0))
         closing_s = np.inf
@@ -129,23 +144,23 @@ class SorterView:
         if self._episode == int(core.episode[0]):
             return
         self._episode, self._frames = int(core.episode[0]), 0
-        self._free = core.item_free[0].copy()
+        self._free = core.state.item_free[0].copy()
         self._binned, self._in_bin = [], np.zeros(4, np.int64)
         self._scene.set_items([])
 
     def _settle(self) -> None:
         """Items that the rules took while nobody watched are in their bins."""
         core = self._core
-        taken = np.flatnonzero(self._free & ~core.item_free[0])
+        taken = np.flatnonzero(self._free & ~core.state.item_free[0])
         shown = {key for key, _, _ in self._binned}
         for item in taken.tolist():
             self._free[item] = False
             if item not in shown:
-                self._lay(item, int(core.item_grade[0, item]))
+                self._lay(item, int(core.items[0, item, GRADE]))
 
     def _put_in_bin(self, item: int, plan: SorterPlan) -> None:
         self._free[item] = False
-        self._lay(item, int(self._core.report_grade[0, plan.report[0]]))
+        self._lay(item, int(plan.grade[0]))
 
     def _lay(self, item: int, grade: int) -> None:
         number = int(self._in_bin[grade])
@@ -182,28 +197,25 @@ class SorterView:
 
     def _lies(self, item: int, time_s: float) -> tuple[Array, Array]:
         """World position (3,) and quaternion of an item on the belt."""
-        core = self._core
-        arrival_s, y, z = core.item_place[0, item].tolist()
-        x = self._config.belt.speed_m_s * (time_s - arrival_s)
-        position = np.array([x, y, self._config.machine.sorter.belt_height_m + z])
-        yaw, tilt, azimuth = core.item_shape[0, item, 3:6]
-        return position, tilted(tilt, azimuth, yaw)
+        lies = self._core.items[0, item]
+        x = self._config.belt.speed_m_s * (time_s - lies[ARRIVAL_S])
+        position = np.array([x, lies[Y_M], self._config.machine.sorter.belt_height_m + lies[Z_M]])
+        return position, tilted(lies[TILT], lies[AZIMUTH], lies[YAW])
 
     def _items(self, time_s: float, shown: NDArray[np.bool_], but: int = -1) -> list[ShownItem]:
-        core, belt = self._core, self._config.belt
-        arrival = core.item_place[0, :, 0]
-        x = belt.speed_m_s * (time_s - arrival)
-        there = shown & core.item_exists(0) & (x > BELT_START_M + 0.04) & (x < BELT_END_M - 0.04)
+        # What does not exist comes at infinity and never is on the belt.
+        x = self._config.belt.speed_m_s * (time_s - self._core.items[0, :, ARRIVAL_S])
+        there = shown & (x > BELT_START_M + 0.04) & (x < BELT_END_M - 0.04)
         return [self._shown(int(item), *self._lies(int(item), time_s)) for item in np.flatnonzero(there) if item != but]
 
     def _shown(self, item: int, position: Array, quaternion: Array) -> ShownItem:
-        core = self._core
-        length, width, thickness, *_, skin = core.item_shape[0, item].tolist()
-        fruit = int(core.item_grade[0, item]) // 2 == FRUIT
+        lies = self._core.items[0, item]
+        length, width, thickness, skin = lies[[LENGTH_M, WIDTH, THICKNESS, SKIN]].tolist()
+        fruit = int(lies[GRADE]) // 2 == FRUIT
         axes_m = (round(length, 6), round(length * width, 6), round(length * thickness, 6))
         return ShownItem(item, position, quaternion, axes_m, item_colour(fruit, skin, (0.618 * item) % 1.0))
 
-    def _reports(self, seen: Produce, taken_s: float) -> Reports:
+    def _reports(self, seen: Produce, taken_s: float) -> Array:
         belt, height = self._config.belt, self._config.machine.sorter.belt_height_m
         arrival = taken_s - seen.position[:, 0] / belt.speed_m_s
         columns = {
@@ -220,14 +232,14 @@ class SorterView:
             "seen_s": np.full(len(arrival), taken_s + belt.latency_s),
             "item": self._items_behind(seen, taken_s),
         }
-        return Reports(**{name: values[None] for name, values in columns.items()})
+        return np.stack([columns[name] for name in REPORT], axis=-1)
 
     def _items_behind(self, seen: Produce, taken_s: float) -> NDArray[np.int64]:
         """Index of the true item nearest to each report, for scoring alone."""
-        core = self._core
-        arrival, y, _ = core.item_place[0].T
-        place = np.stack([self._config.belt.speed_m_s * (taken_s - arrival), y], axis=-1)
-        place[~core.item_exists(0)] = np.inf
+        items = self._core.items[0]
+        place = np.stack([self._config.belt.speed_m_s * (taken_s - items[:, ARRIVAL_S]), items[:, Y_M]], axis=-1)
+        # What does not exist comes at infinity; its place across the belt is what an episode before left there.
+        place[np.isinf(place[:, 0])] = np.inf
         distance = np.linalg.norm(seen.position[:, None, :2] - place[None], axis=-1)
         nearest = distance.argmin(axis=1)
         return np.where(distance.min(axis=1) <= MATCH_RADIUS_M, nearest, len(place) - 1)
