@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 import fieldgym
 from fieldgym.agents import make_policy, policy_names, reference_policy
@@ -58,9 +58,10 @@ def main() -> None:
     console, reference = Console(), reference_policy(ENV_ID)
     for scenario in options.scenarios.split(","):
         table = Table(
-            "policy", "cycle time, s", "net rate, %", "seedlings/min", "shorter way, %", "shorter time, %",
+            Column("policy", no_wrap=True),
+            *("cycle time, s", "net rate, %", "seedlings/min", "shorter way, %", "shorter time, %"),
             title=f"{scenario}, {options.motion}, seeds 0-{options.seeds - 1}",
-        )  # fmt: skip
+        )
         base = play(scenario, reference, options.seeds, options.motion)
         for name in policy_names(ENV_ID):
             found = base if name == reference else play(scenario, name, options.seeds, options.motion)

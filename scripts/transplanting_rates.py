@@ -13,7 +13,7 @@ import argparse
 from dataclasses import replace
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from fieldgym.envs.transplanting.config import MOTIONS, MachineConfig, ProcessConfig
 
@@ -55,7 +55,8 @@ def main() -> None:
     options = parser.parse_args()
     process = ProcessConfig()
     table = Table(
-        "motion", "lift, mm", "gripping, s", "600 mm, /min", "320 mm, /min", f"stroke for {options.rate:g}/min"
+        Column("motion", no_wrap=True),
+        *("lift mm", "straight mm", "grip s", "600 mm /min", "320 mm /min", f"stroke for {options.rate:g}/min"),
     )
     for motion in MOTIONS:
         for lift_m, straight_m in ((0.150, 0.0), (0.150, 0.050), (0.050, 0.0)):
@@ -66,9 +67,9 @@ def main() -> None:
                 stroke_m = longest_stroke_m(machine, options.rate, handle_s)
                 far = stroke_m is not None and stroke_m >= WIDEST_M
                 words = "not reached" if stroke_m is None else f"{'over ' * far}{1e3 * stroke_m:.0f} mm"
-                name = motion + (f", {1e3 * straight_m:.0f} mm straight" if straight_m else "")
                 rates = (f"{machine.round_trips_per_min(across, handle_s):.1f}" for across in (0.600, 0.320))
-                table.add_row(name, f"{1e3 * lift_m:.0f}", f"{handle_s:g}", *rates, words)
+                lengths = (f"{1e3 * length_m:.0f}" for length_m in (lift_m, straight_m))
+                table.add_row(motion, *lengths, f"{handle_s:g}", *rates, words)
     Console().print(table)
 
 
