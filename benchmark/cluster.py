@@ -34,6 +34,7 @@ def load() -> ModuleType:
     """
     try:
         import ray
+        from ray import remote  # noqa: F401  a folder called ray in the working directory can be imported too
     except ImportError:
         raise EngineError(
             f"--engine ray needs Ray, which is not installed here: {HOW_TO_INSTALL}, or leave --engine out"

@@ -59,7 +59,7 @@ def main(
 
       fieldgym benchmark --env SafflowerPicking --policies fixed-order,nearest --backend analytic --episodes 200
     """
-    from fieldgym.benchmark import cluster, progress, record, runner, store, tables, thinking
+    from fieldgym.benchmark import cluster, progress, record, runner, store, suites, tables, thinking
 
     wanted = _suite(suite, env, policies, episodes, backend)
     chosen(engine, runner.ENGINES, "engine")
@@ -73,10 +73,12 @@ def main(
             report = runner.run_suite(
                 wanted, folder, jobs, resume, engine=engine, on_start=display.start, on_record=display.record
             )
-        rows = tables.summarise(report.records, wanted.cases, report.bounds)
+        # An earlier run may have left more than this one asked for.
+        cases = [*suites.suite(suite).cases, *wanted.cases]
+        rows = tables.summarise(report.records, cases, report.bounds)
         written = tables.write(rows, folder)
         if charge_thinking:
-            rows = tables.summarise(map(thinking.charged, report.records), wanted.cases, report.bounds)
+            rows = tables.summarise(map(thinking.charged, report.records), cases, report.bounds)
             written += tables.write(rows, folder, "charged")
         for table in tables.terminal_tables(rows, console.width):
             console.print(table)
