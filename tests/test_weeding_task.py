@@ -23,7 +23,7 @@ from fieldgym.motion import QUINTIC
 
 REACH = LaserReach()
 ARM = LaserArm.of(REACH, early_s=0.4)
-MIDDLE = np.zeros(3)
+MIDDLE = 0.0, 0.0, 0.0
 
 
 def toy(weeds, kinds=None, crop_at=None, **changes):

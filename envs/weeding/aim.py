@@ -37,7 +37,7 @@ from numpy.typing import ArrayLike
 from ...motion import QUINTIC
 from ..compiled import compiled
 from ..core import Array
-from .tool import Approach, bind
+from .tool import Approach, Place, bind
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ def move_time(arm: LaserArm, carrier_m: float, lean_m: float, across_m: float) -
 
 @compiled
 def approach(
-    arm: LaserArm, stand_s: float, place: Array, cart_m: float, speed_m_s: float, along_m: float, across_m: float
+    arm: LaserArm, stand_s: float, place: Place, cart_m: float, speed_m_s: float, along_m: float, across_m: float
 ) -> Approach:
     """How the machine would fire at one target; see ``tool.approach`` and the choice of the lean above."""
     half = arm.travel_m - 0.5 * stand_s * speed_m_s

@@ -94,7 +94,8 @@ def trajectory(config: WeedingConfig, plan: WeederPlan, phases_s: Array, time_s:
     The move is stretched over the wait for the weed's entering the window, so the machine arrives with it.
     """
     move_s = float(phases_s[0, 0] + phases_s[0, 1])
-    way = ways_of(*plan.speed[0].tolist(), config.cart.acceleration_m_s2, time_s)
+    before, after = plan.speed[0].tolist()
+    way = ways_of(before, after, config.cart.acceleration_m_s2, time_s)
     share = QUINTIC.sample(time_s, 1.0, move_s).position
     start, target = plan.start[0], plan.target[0]
     return plan.cart[0] + way, start + share[:, None] * (target - start)

@@ -190,8 +190,10 @@ def ways_of(before: float, after: float, acceleration: float, times_s: Array) ->
 @compiled
 def approach_slot(tables: Tables, arm: Any, worlds: Worlds, w: int, slot: int, mode: int) -> Approach:
     """How the machine would work on the candidate in a slot."""
-    report = worlds.track_report[w, worlds.slot_track[w, slot]]
-    return approach(arm, tables.stand_s[mode], worlds.place[w], worlds.cart[w], worlds.speed[w], report[0], report[1])
+    track = worlds.slot_track[w, slot]
+    along, across = worlds.track_report[w, track, 0], worlds.track_report[w, track, 1]
+    place = worlds.place[w, 0], worlds.place[w, 1], worlds.place[w, 2]
+    return approach(arm, tables.stand_s[mode], place, worlds.cart[w], worlds.speed[w], along, across)
 
 
 @compiled
@@ -220,23 +222,22 @@ def plan_worlds(tables: Tables, arm: Any, worlds: Worlds, actions: NDArray[np.in
         if legal_option(tables, arm, worlds, w, option):
             way = approach_slot(tables, arm, worlds, w, slot, mode)
             kind[w], chosen[w], track[w] = mode, slot, worlds.slot_track[w, slot]
-            report = worlds.track_report[w, track[w]]
-            aim[w] = worlds.track_aim[w, track[w]]
             # The carrier takes the tool camera's correction along the row.
-            target[w, 0] = way.carrier_m + (aim[w, 0] - report[0])
+            target[w, 0] = way.carrier_m + (worlds.track_aim[w, track[w], 0] - worlds.track_report[w, track[w], 0])
             target[w, 1] = way.lean_m
-            target[w, 2] = way.across_m + (aim[w, 1] - report[1])
+            target[w, 2] = way.across_m + (worlds.track_aim[w, track[w], 1] - worlds.track_report[w, track[w], 1])
             phases_s[w, MOVE], phases_s[w, LINGER] = way.move_s, way.wait_s
-            phases_s[w, LINGER + 1 : LINGER + 1 + own] = tables.work_s[mode]
+            for phase in range(own):
+                phases_s[w, LINGER + 1 + phase] = tables.work_s[mode, phase]
         else:
             # Waiting keeps the machine near the front edge of the window while the ground passes by.
-            pause_s = tables.pause_s[kind[w] - WAIT]
-            aim[w] = worlds.track_aim[w, empty]
+            pause_s = float(tables.pause_s[kind[w] - WAIT])
             way_m, _ = way_of(speed[w, 0], speed[w, 1], tables.acceleration_m_s2, pause_s)
-            at, place = ready(arm, worlds.cart[w] + way_m), worlds.place[w]
-            move_s = move_time(arm, at[0] - place[0], at[1] - place[1], at[2] - place[2])
-            target[w, 0], target[w, 1], target[w, 2] = at
-            phases_s[w, MOVE], phases_s[w, -1] = move_s, max(pause_s - move_s, 0.0)
+            target[w, 0], target[w, 1], target[w, 2] = ready(arm, worlds.cart[w] + way_m)
+            start = worlds.place[w, 0], worlds.place[w, 1], worlds.place[w, 2]
+            move_s = move_time(arm, target[w, 0] - start[0], target[w, 1] - start[1], target[w, 2] - start[2])
+            phases_s[w, MOVE], phases_s[w, LINGER + 1 + own] = move_s, max(pause_s - move_s, 0.0)
+        aim[w, 0], aim[w, 1] = worlds.track_aim[w, track[w], 0], worlds.track_aim[w, track[w], 1]
     return WeederPlan(kind, chosen, track, worlds.place.copy(), target, aim, worlds.cart.copy(), speed, phases_s)
 
 
@@ -274,7 +275,8 @@ def apply_worlds(
         way, worlds.speed[w] = way_of(plan.speed[w, 0], plan.speed[w, 1], tables.acceleration_m_s2, elapsed)
         worlds.cart[w] += way
         worlds.set_speed[w] = plan.speed[w, 1]
-        worlds.place[w] = plan.target[w]
+        for axis in range(3):
+            worlds.place[w, axis] = plan.target[w, axis]
         move_up(tables, worlds, w)
         # Behind the strip's end the front camera sees nothing new: without tracks, none will come.
         nothing_left = worlds.slot_track[w, 0] == empty and worlds.cart[w] + tables.blind_m > tables.end_m
@@ -288,16 +290,16 @@ def treat(
     tables: Tables, work: Any, worlds: Worlds, w: int, mode: int, track: int, along_m: float, across_m: float
 ) -> tuple[float, float]:
     """Work on a place and whatever grows within the tool's reach of it; gives the weeds and crop plants that die."""
-    totals, plants = worlds.totals[w], worlds.plant[w]
+    totals = worlds.totals[w]
     killed = 0.0
     # Weeds are sorted along: from the nearest to the aim to both sides, as far as the tool reaches.
     middle = PAD + worlds.track_near[w, track, 0]
     i = middle
-    while along_m - plants[i, 0] <= work.reach_m and i > 0:
+    while along_m - worlds.plant[w, i, 0] <= work.reach_m and i > 0:
         killed += strike(work, worlds, w, mode, i, along_m, across_m)
         i -= 1
     i = middle + 1
-    while plants[i, 0] - along_m <= work.reach_m and i < tables.weeds_end:
+    while worlds.plant[w, i, 0] - along_m <= work.reach_m and i < tables.weeds_end:
         killed += strike(work, worlds, w, mode, i, along_m, across_m)
         i += 1
     crops = 0.0
@@ -317,8 +319,11 @@ def treat(
 @compiled
 def strike(work: Any, worlds: Worlds, w: int, mode: int, plant: int, along_m: float, across_m: float) -> float:
     """Add the work's dose on one plant; gives 1 when it dies of it."""
-    along, across = worlds.plant[w, plant, 0] - along_m, worlds.plant[w, plant, 1] - across_m
+    along = worlds.plant[w, plant, 0] - along_m
     if abs(along) > work.reach_m:
+        return 0.0
+    across = worlds.plant[w, plant, 1] - across_m
+    if abs(across) > work.reach_m:
         return 0.0
     before, limit = worlds.plant_dose[w, plant], worlds.plant_tolerance[w, plant]
     after = before + dose(work, mode, along, across, worlds.plant_kind[w, plant])
@@ -329,26 +334,27 @@ def strike(work: Any, worlds: Worlds, w: int, mode: int, plant: int, along_m: fl
 @compiled
 def move_up(tables: Tables, worlds: Worlds, w: int) -> None:
     """Drop what has left the window, close the gaps, and let the tracks that are known by now move up."""
-    slots, report, empty = worlds.slot_track[w], worlds.track_report[w], worlds.track_real.shape[1] - 1
+    slots, empty = worlds.slot_track.shape[1], worlds.track_real.shape[1] - 1
     exit_m = worlds.cart[w] - tables.exit_m
     filled = 0
-    for k in range(len(slots)):
-        track = slots[k]
-        if track != empty and report[track, 0] >= exit_m:
-            slots[filled] = track
+    for k in range(slots):
+        track = worlds.slot_track[w, k]
+        if track != empty and worlds.track_report[w, track, 0] >= exit_m:
+            worlds.slot_track[w, filled] = track
             filled += 1
     known_m = worlds.cart[w] - worlds.speed[w] * tables.delay_s
     cursor = worlds.cursor[w]
-    while filled < len(slots) and cursor < worlds.track_count[w]:
+    while filled < slots and cursor < worlds.track_count[w]:
         # Tracks that left while the slots were full are passed over.
-        if report[cursor, 0] >= exit_m:
+        if worlds.track_report[w, cursor, 0] >= exit_m:
             if worlds.track_known_m[w, cursor] > known_m:
                 break
-            slots[filled] = cursor
+            worlds.slot_track[w, filled] = cursor
             filled += 1
         cursor += 1
     worlds.cursor[w] = cursor
-    slots[filled:] = empty
+    for k in range(filled, slots):
+        worlds.slot_track[w, k] = empty
 
 
 @compiled
@@ -369,24 +375,24 @@ def observe_worlds(
     candidates = np.zeros((n, slots * _FEATURES), np.float32)
     mask = np.zeros((n, BLOCKS * base if tables.speed_control else base), np.int8)
     for w in range(n):
-        cart, speed, place = worlds.cart[w], worlds.speed[w], worlds.place[w]
+        cart, speed = worlds.cart[w], worlds.speed[w]
         present = 0
         while present < slots and worlds.slot_track[w, present] != empty:
             present += 1
-        machine[w, 0] = (place[0] - cart) / arm.scale[0]
-        machine[w, 1] = place[1] / arm.scale[1]
-        machine[w, 2] = place[2] / arm.scale[2]
+        machine[w, 0] = (worlds.place[w, 0] - cart) / arm.scale[0]
+        machine[w, 1] = worlds.place[w, 1] / arm.scale[1]
+        machine[w, 2] = worlds.place[w, 2] / arm.scale[2]
         machine[w, 3] = speed / SPEED_SCALE
         machine[w, 4] = worlds.set_speed[w] / SPEED_SCALE
         machine[w, 5] = cart / tables.strip_m
         machine[w, 6] = present / slots
         for k in range(present):
-            track = worlds.slot_track[w, k]
-            feature = candidates[w, k * _FEATURES : (k + 1) * _FEATURES]
-            feature[:] = worlds.track_feature[w, track]
+            track, column = worlds.slot_track[w, k], k * _FEATURES
+            for feature in range(_FEATURES):
+                candidates[w, column + feature] = worlds.track_feature[w, track, feature]
             ahead = worlds.track_report[w, track, 0] - cart
-            feature[_ALONG] = min(ahead / ALONG_SCALE_M, _MOST)
-            feature[_LEAVES] = min((ahead + tables.exit_m) / (speed * LEAVES_SCALE_S), _MOST)
+            candidates[w, column + _ALONG] = min(ahead / ALONG_SCALE_M, _MOST)
+            candidates[w, column + _LEAVES] = min((ahead + tables.exit_m) / (speed * LEAVES_SCALE_S), _MOST)
         # What a mode shares in all slots is worked out once: the loop over the slots is the inner one.
         for mode in range(MODES):
             for k in range(present):
@@ -396,8 +402,8 @@ def observe_worlds(
                     candidates[w, k * _FEATURES + _MOVE] = min(way.move_s / TIME_SCALE_S, _MOST)
                     candidates[w, k * _FEATURES + _WAIT] = min(way.wait_s / TIME_SCALE_S, _MOST)
         mask[w, base - 1] = 1
-        for start in range(base, mask.shape[1], base):
-            mask[w, start : start + base] = mask[w, :base]
+        for action in range(base, mask.shape[1]):
+            mask[w, action] = mask[w, action - base]
     return machine, candidates, mask
 
 
@@ -410,19 +416,19 @@ def score_worlds(tables: Tables, worlds: Worlds) -> Array:
     phases = worlds.phases_s.shape[1]
     result = np.empty((len(worlds.totals), 8 + phases + OWN_SCORES))
     for w in range(len(result)):
-        totals, weeds, score = worlds.totals[w], worlds.weeds[w], result[w]
+        totals, weeds, score, own = worlds.totals[w], worlds.weeds[w], result[w], 8 + phases
         time_s, killed, shots = max(totals[TIME], 1e-9), totals[KILLED], max(totals[SHOTS], 1.0)
         score[0] = killed / max(weeds, 1.0)
         score[1] = totals[LAST] / shots
         score[2] = 60.0 * killed / time_s
         score[3], score[4], score[5] = totals[TIME], killed, weeds - killed
         score[6], score[7] = totals[CROP], totals[ILLEGAL]
-        score[8 : 8 + phases] = worlds.phases_s[w]
-        own = score[8 + phases :]
-        own[0] = 100.0 * totals[CROP] / max(worlds.crops_in_strip[w], 1.0)
-        own[1] = killed / time_s
-        own[2] = totals[JOULES] / max(killed, 1.0)
-        own[3] = (worlds.cart[w] + tables.start_m) / time_s * tables.ha_s_per_m_h
-        own[4], own[5] = totals[SHOTS], totals[BLANKS]
-        own[6], own[7] = weeds, worlds.track_count[w]
+        for phase in range(phases):
+            score[8 + phase] = worlds.phases_s[w, phase]
+        score[own] = 100.0 * totals[CROP] / max(worlds.crops_in_strip[w], 1.0)
+        score[own + 1] = killed / time_s
+        score[own + 2] = totals[JOULES] / max(killed, 1.0)
+        score[own + 3] = (worlds.cart[w] + tables.start_m) / time_s * tables.ha_s_per_m_h
+        score[own + 4], score[own + 5] = totals[SHOTS], totals[BLANKS]
+        score[own + 6], score[own + 7] = weeds, worlds.track_count[w]
     return result

@@ -84,6 +84,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
             }
         )
         self._numbers = random_numbers(scenario, perception or PerceptionModel.perfect())
+        self._speed_m_s = config.speed_m_s
         # Weeds and crop plants lie in one array.
         self.weeds_end = scenario.max_weeds + 2 * PAD
         self.tables = Tables(
@@ -161,7 +162,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
 
         state.totals[rows], state.phases_s[rows] = 0.0, 0.0
         state.cart[rows] = -config.cart.start_m
-        state.speed[rows] = state.set_speed[rows] = config.speed_m_s
+        state.speed[rows] = state.set_speed[rows] = self._speed_m_s
         state.place[rows] = ready(self.machine, -config.cart.start_m)
         state.track_count[rows], state.cursor[rows] = 0, 0
         state.slot_track[rows] = self.capacity

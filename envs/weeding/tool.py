@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 __all__ = ["Approach", "Arm", "FieldConfig", "WeedingProcess", "Work", "approach", "bind", "dose", "move_time", "ready"]
 
 
+Place = tuple[float, float, float]
+
+
 class Approach(NamedTuple):
     """How the machine would work on one target in one mode.
 
@@ -70,7 +73,7 @@ class Work(Protocol):
 
     @property
     def reach_m(self) -> float:
-        """Beyond this distance along the row the work does nothing."""
+        """Beyond this distance the work does nothing."""
         ...
 
 
@@ -147,9 +150,9 @@ class FieldConfig(Protocol):
 
 @by_kind
 def approach(
-    arm: Any, stand_s: float, place: Array, cart_m: float, speed_m_s: float, along_m: float, across_m: float
+    arm: Any, stand_s: float, place: Place, cart_m: float, speed_m_s: float, along_m: float, across_m: float
 ) -> Approach:
-    """How the machine at ``place`` (3,) would work on a target.
+    """How the machine at ``place`` would work on a target.
 
     Args:
         arm: the arm's numbers.
