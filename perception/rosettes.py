@@ -19,7 +19,7 @@ Mask = NDArray[np.uint8]
 
 _CANDIDATES, _PIXELS = 48, 240
 """Most places that are tried as stems, and most pixels that they are tried on; larger blobs are thinned out."""
-_AS_GOOD = 0.97
+_AS_GOOD = 0.93
 """A place that sees this share of what the best one sees may be the stem as well; the stem is in their middle."""
 _CONVEX = 0.86
 """A blob that fills this share of its convex hull is one plant, and all of it sees all of it."""

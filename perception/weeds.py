@@ -117,7 +117,7 @@ def detect_seedlings(
         fills.append(fill)
         boxes.append((low[1], low[0], high[1] - low[1] + 1, high[0] - low[0] + 1))
 
-    for pixels in broad_bodies(mask, chosen.crop_leaf_m / pixel_m, int(0.5 * chosen.crop_m2 / pixel_m**2)):
+    for pixels in broad_bodies(mask, chosen.crop_leaf_m / pixel_m, int(chosen.crop_m2 / pixel_m**2)):
         add(pixels.mean(axis=0), pixels, 1.0)
         body = np.zeros_like(mask)
         body[pixels[:, 0], pixels[:, 1]] = 1
