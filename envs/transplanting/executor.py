@@ -60,7 +60,7 @@ class AnalyticTransplanter:
 
 
 class Trajectories:
-    """Gates between the places of a configuration in the arm's plane, planned once each."""
+    """Gates between the places of a configuration in the arm's plane, planned and sampled once each."""
 
     def __init__(self, config: TransplantingConfig, motions: Motions):
         """Take places, level and limits from the configuration."""
@@ -71,6 +71,7 @@ class Trajectories:
         limits = *machine.carry_acceleration_m_s2, machine.acceleration_m_s2
         self._gates = [machine.gate(limit) for limit in limits]
         self._known: dict[tuple[int, int, int], StoppedPath | PathMotion] = {}
+        self._sampled: dict[tuple[int, int, int, float], Array] = {}
 
     def motion(self, move: Move) -> StoppedPath | PathMotion:
         """The timed gate of a move."""
@@ -82,9 +83,11 @@ class Trajectories:
 
     def samples(self, move: Move, step_s: float) -> tuple[Array, float]:
         """Positions (n, 2) of a move, ``step_s`` apart from its start until it is over, and its duration."""
-        motion = self.motion(move)
-        steps = int(np.ceil(motion.duration_s / step_s - 1e-9))
-        return motion.sample(step_s * np.arange(steps + 1)).position, motion.duration_s
+        motion, key = self.motion(move), (move.start, move.end, move.limit, step_s)
+        if key not in self._sampled:
+            steps = int(np.ceil(motion.duration_s / step_s - 1e-9))
+            self._sampled[key] = motion.sample(step_s * np.arange(steps + 1)).position
+        return self._sampled[key], motion.duration_s
 
 
 class PyBulletTransplanter:
