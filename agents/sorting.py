@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
+from ..envs.compiled import bind, compiled, shortest
 from ..envs.sorting.config import GRADES, REFERENCE_CYCLE_S, SortingConfig
 from ..envs.sorting.features import (
     CANDIDATE_FEATURES,
@@ -16,6 +20,7 @@ from ..envs.sorting.features import (
 )
 from ..envs.sorting.reports import SWING_M
 from ..motion import QUINTIC
+from .planning import NOTHING, Step, search
 from .policy import Actions, Observation, StatelessPolicy
 
 Array = NDArray[np.float64]
@@ -86,6 +91,86 @@ class ValuePerSecond(_Ranking):
         return -worth / np.maximum(table[..., _COLUMN["cycle"]], 1e-6)
 
 
+class Picks(NamedTuple):
+    """What can be gripped in B worlds with K slots; places in mechanism coordinates as they are now.
+
+    Attributes:
+        speed_m_s: of the belt.
+        pace: seconds a metre at the speed limit.
+        square_pace: seconds squared a metre at the acceleration limit.
+        hold_s: seconds from the approach's end to the lift's.
+        release_s: opening the fingers.
+        price: what a second costs.
+        bins: (4, 2), where each grade is let go.
+        present: (B, K).
+        possible: (B, K), whether it can be the next one.
+        goal: (B, K), grade.
+        gain: (B, K), what it is expected to bring.
+        done_s: (B, K), until it is in its bin as the next one.
+        along_m: (B, K), of the platform over it.
+        across_m: (B, K), of the platform over it.
+        first_m: (B, K), where an approach may end at the earliest.
+        last_m: (B, K), and at the latest.
+        turn_s: (B, K), seconds that turning from level takes.
+    """
+
+    speed_m_s: float
+    pace: float
+    square_pace: float
+    hold_s: float
+    release_s: float
+    price: float
+    bins: Array
+    present: NDArray[np.bool_]
+    possible: NDArray[np.bool_]
+    goal: NDArray[np.int64]
+    gain: Array
+    done_s: Array
+    along_m: Array
+    across_m: Array
+    first_m: Array
+    last_m: Array
+    turn_s: Array
+
+
+@compiled
+def extend(
+    problem: Picks, w: int, x: float, y: float, z: float, clock_s: float, candidate: int, option: int, first: bool
+) -> Step:
+    """Grip one more item; the platform is level over the item's bin after it, ``z`` and ``option`` mean nothing."""
+    if not (problem.possible[w, candidate] if first else problem.present[w, candidate]):
+        return Step(x, y, z, clock_s, 0.0, False)
+    place, gain = problem.bins[problem.goal[w, candidate]], problem.gain[w, candidate]
+    if first:
+        return Step(place[0], place[1], z, problem.done_s[w, candidate], gain, True)
+    v, least, first_m = problem.speed_m_s, problem.turn_s[w, candidate], problem.first_m[w, candidate]
+    now, across = problem.along_m[w, candidate] + v * clock_s, problem.across_m[w, candidate]
+    approach = least
+    for _ in range(2):
+        ahead = max(now + v * approach, first_m) - x - 0.5 * v * approach
+        approach = max(way_s(problem, ahead, across - y), least)
+    meet = max(now + v * approach, first_m)
+    lifted_s = clock_s + max((meet - now) / v, approach) + problem.hold_s
+    carry_s = max(way_s(problem, place[0] - meet - v * problem.hold_s, place[1] - across), least)
+    possible = meet <= problem.last_m[w, candidate]
+    return Step(place[0], place[1], z, lifted_s + carry_s + problem.release_s, gain, possible)
+
+
+@compiled
+def way_s(problem: Picks, along_m: float, across_m: float) -> float:
+    """Seconds of a horizontal motion."""
+    return shortest(math.sqrt(along_m * along_m + across_m * across_m), problem.pace, problem.square_pace)
+
+
+@compiled
+def prospect(problem: Picks, w: int, clock_s: float, used: int, last: int) -> float:
+    """The price of the time: what comes after a sequence is taken to be the same for all."""
+    return -problem.price * clock_s
+
+
+bind(Picks, extend, prospect)
+
+
 class RecedingHorizon(StatelessPolicy):
     """Plans a few picks ahead with a beam search, carries out the first and plans again.
 
@@ -108,76 +193,46 @@ class RecedingHorizon(StatelessPolicy):
         self._depth, self._width, self._by_value = depth, width, by_value
         sorter, machine = config.machine.sorter, config.machine
         self._speed = config.belt.speed_m_s
-        self._limits = sorter.velocity_m_s - self._speed, sorter.acceleration_m_s2
+        self._paces = QUINTIC.paces(sorter.velocity_m_s - self._speed, sorter.acceleration_m_s2)
         self._turn_limits = sorter.turn_rad_s, sorter.turn_rad_s2
         self._shortest_s = machine.shortest_move_s
         down = machine.travel_level_m - _GRIP_LEVEL_M
         descend = float(QUINTIC.duration(down, sorter.velocity_m_s, sorter.acceleration_m_s2))
         self._hold_s, self._release_s = 2.0 * descend + config.grip.grip_s, config.grip.release_s
-        self._bins = np.array(config.belt.bins_m)
+        self._bins = np.array(config.belt.bins_m, float)
         mean_value = float(np.mean(config.produce.value)) if by_value else 1.0
         self._price = 0.9 * config.grip.best * mean_value / REFERENCE_CYCLE_S
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
-        mask = observation["action_mask"][:, :-1] > 0
-        table = candidate_table(observation).astype(np.float64)
-        worlds, k = mask.shape
-        gain = table[..., _COLUMN["quality"]]
+        table = np.moveaxis(candidate_table(observation), -1, 0).astype(np.float64)
+        gain = table[_COLUMN["quality"]]
         if self._by_value:
-            gain = gain * table[..., _COLUMN["value"]]
-        along = table[..., _COLUMN["along"]] * PLACE_SCALE_M
-        across = table[..., _COLUMN["across"]] * PLACE_SCALE_M
-        last = along + self._speed * (table[..., _COLUMN["slack"]] * WAIT_SCALE_S + table[..., _COLUMN["approach"]])
-        first = -(last + SWING_M + self._speed * self._hold_s)
-        turn_s = QUINTIC.duration_unchecked(table[..., _COLUMN["turn"]] * TURN_SCALE_RAD, *self._turn_limits)
-        turn_s = np.maximum(turn_s, self._shortest_s)
-        goal = np.argmax(table[..., _FIRST_GRADE : _FIRST_GRADE + len(GRADES)], axis=-1)
-        fit = table[..., _COLUMN["present"]] > 0.0
-
-        time = np.where(mask, table[..., _COLUMN["cycle"]] * CYCLE_SCALE_S, np.inf)
-        score = np.where(mask, gain - self._price * time, -np.inf)
-        head, at = (np.broadcast_to(part, (worlds, k)) for part in (np.arange(k), goal))
-        used = np.broadcast_to(np.eye(k, dtype=bool), (worlds, k, k))
-        won = gain
-        best, choice = score.max(axis=1), score.argmax(axis=1)
-        for _ in range(self._depth - 1):
-            kept = np.argsort(-score, axis=1, kind="stable")[:, : self._width]
-            score, time, won = (np.take_along_axis(part, kept, axis=1) for part in (score, time, won))
-            head, at = (np.take_along_axis(part, kept, axis=1) for part in (head, at))
-            used = np.take_along_axis(used, kept[..., None], axis=1)
-            done, possible = self._next(self._bins[at], time, along, across, first, last, turn_s, goal)
-            possible &= ~used & fit[:, None] & np.isfinite(score)[..., None]
-            won_then = won[..., None] + gain[:, None]
-            shape = (worlds, -1)
-            score = np.where(possible, won_then - self._price * done, -np.inf).reshape(shape)
-            time, won = done.reshape(shape), won_then.reshape(shape)
-            head = np.repeat(head, k, axis=1)
-            at = np.broadcast_to(goal[:, None], possible.shape).reshape(shape)
-            used = (used[:, :, None] | np.eye(k, dtype=bool)).reshape(worlds, -1, k)
-            top = score.max(axis=1)
-            better = top > best
-            best = np.where(better, top, best)
-            choice = np.where(better, np.take_along_axis(head, score.argmax(axis=1)[:, None], axis=1)[:, 0], choice)
-        return np.where(mask.any(axis=1), choice, k)
-
-    def _next(
-        self, spot: Array, time: Array, along: Array, across: Array, first: Array, last: Array, turn_s: Array,
-        goal: NDArray[np.int64],
-    ) -> tuple[Array, NDArray[np.bool_]]:  # fmt: skip
-        """When each candidate is in its bin (B, W, K) after sequences (B, W) that end over ``spot``, and if it can."""
-        start = np.where(np.isfinite(time), time, 0.0)[..., None]
-        now = along[:, None] + self._speed * start
-        least = turn_s[:, None]
-        aside = across[:, None] - spot[..., 1:]
-        approach = least
-        for _ in range(2):
-            meet = np.maximum(now + self._speed * approach, first[:, None])
-            distance = np.hypot(meet - spot[..., :1] - 0.5 * self._speed * approach, aside)
-            approach = np.maximum(QUINTIC.duration_unchecked(distance, *self._limits), least)
-        meet = np.maximum(now + self._speed * approach, first[:, None])
-        arrive = start + np.maximum((meet - now) / self._speed, approach)
-        bins = self._bins[goal][:, None]
-        distance = np.hypot(bins[..., 0] - meet - self._speed * self._hold_s, bins[..., 1] - across[:, None])
-        carry = np.maximum(QUINTIC.duration_unchecked(distance, *self._limits), least)
-        return arrive + self._hold_s + carry + self._release_s, meet <= last[:, None]
+            gain = gain * table[_COLUMN["value"]]
+        along, across = table[_COLUMN["along"]] * PLACE_SCALE_M, table[_COLUMN["across"]] * PLACE_SCALE_M
+        last = along + self._speed * (table[_COLUMN["slack"]] * WAIT_SCALE_S + table[_COLUMN["approach"]])
+        turn_s = QUINTIC.duration_unchecked(table[_COLUMN["turn"]] * TURN_SCALE_RAD, *self._turn_limits)
+        present = table[_COLUMN["present"]] > 0.0
+        worlds, k = present.shape
+        picks = Picks(
+            speed_m_s=float(self._speed),
+            pace=float(self._paces[0]),
+            square_pace=float(self._paces[1]),
+            hold_s=self._hold_s,
+            release_s=float(self._release_s),
+            price=self._price,
+            bins=self._bins,
+            present=present,
+            possible=observation["action_mask"][:, :-1] > 0,
+            goal=np.argmax(table[_FIRST_GRADE : _FIRST_GRADE + len(GRADES)], axis=0),
+            gain=gain,
+            done_s=table[_COLUMN["cycle"]] * CYCLE_SCALE_S,
+            along_m=along,
+            across_m=across,
+            first_m=-(last + SWING_M + self._speed * self._hold_s),
+            last_m=last,
+            turn_s=np.maximum(turn_s, self._shortest_s),
+        )
+        idle = np.full(worlds, -np.inf)
+        answer = search(picks, np.zeros((worlds, 3)), idle, 1, present.sum(axis=1), self._depth, self._width)
+        return np.where(answer == NOTHING, k, answer)

@@ -24,7 +24,7 @@ class MotionSample(NamedTuple):
     """m/s3."""
 
 
-def shortest(stroke_m: Array, pace: float | Array, square_pace: float | Array) -> Array:
+def shortest(stroke_m: Any, pace: Any, square_pace: Any) -> Any:
     """Duration of strokes of either sign, in seconds, for the two ``MotionLaw.paces`` of the limits."""
     stroke = np.abs(stroke_m)
     return np.maximum(stroke * pace, np.sqrt(stroke * square_pace))

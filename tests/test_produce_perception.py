@@ -90,7 +90,7 @@ def test_every_item_is_reported_once_and_belongs_to_an_image():
     core.state.totals[0, 0] = 20.0
     view.sense()
     speed, belt = core.config.belt.speed_m_s, core.config.belt
-    reported = core.state.report_item[0, core.state.queue[0, : core.state.count[0]]]
+    reported = core.state.report_item[0, core.state.queue[0, : core.state.queued[0]]]
     assert len(set(reported.tolist())) == len(reported) and (reported < core.config.scenario.max_items).all()
     x = speed * (20.0 - core.items[0, :, ARRIVAL_S])
     # Everything between the camera's last image and the end of the reach.

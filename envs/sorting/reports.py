@@ -105,7 +105,7 @@ def begin_worlds(tables: Tables, worlds: Worlds, rows: Rows, items: Array) -> No
         fill(worlds.place[w], 0.0)
         fill(worlds.turn[w], 0.0)
         worlds.turn[w, 0], worlds.level[w] = 1.0, True
-        worlds.count[w], worlds.first[w] = 0, 0
+        worlds.queued[w], worlds.first[w] = 0, 0
         fill(worlds.leave_s[w], np.inf)
         for k in range(worlds.slot_report.shape[1]):
             worlds.slot_report[w, k] = worlds.leave_s.shape[1] - 1
@@ -131,7 +131,7 @@ def take_reports(tables: Tables, worlds: Worlds, rows: Rows, reports: Array) -> 
     empty = worlds.leave_s.shape[1] - 1
     for r, w in enumerate(rows):
         time_s, leave_s, queue = worlds.totals[w, TIME], worlds.leave_s[w], worlds.queue[w]
-        count, place = forget(queue, worlds.count[w], leave_s, time_s), 0
+        count, place = forget(queue, int(worlds.queued[w]), leave_s, time_s), 0
         for m in range(reports.shape[1]):
             report = reports[r, m]
             if report[ARRIVAL_S] == np.inf:
@@ -149,7 +149,7 @@ def take_reports(tables: Tables, worlds: Worlds, rows: Rows, reports: Array) -> 
             queue_up(queue, count, leave_s, place)
             count += 1
             place += 1
-        worlds.count[w], worlds.first[w] = count, 0
+        worlds.queued[w], worlds.first[w] = count, 0
         show_reports(worlds.slot_report[w], queue, 0, count, leave_s, worlds.seen_s[w], time_s)
 
 

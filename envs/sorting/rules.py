@@ -230,7 +230,7 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: SorterPlan, grip: Grip, p
             worlds.slot_report[w],
             worlds.queue[w],
             worlds.first[w],
-            worlds.count[w],
+            worlds.queued[w],
             worlds.leave_s[w],
             worlds.seen_s[w],
             time_s,

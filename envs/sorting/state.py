@@ -150,7 +150,7 @@ class Worlds(NamedTuple):
         report_held: (B, M + 1), whether the fingers hold what is there if the tool goes where the report says.
         report_lost: (B, M + 1), whether it then slips on the way.
         queue: (B, M + 1), reports in the order in which they leave.
-        count: (B,), how many there are.
+        queued: (B,), how many there are.
         first: (B,), place in the queue of the first that has not left.
         slot_report: (B, K), report in each slot.
         end_s: (B,), when the last item has passed.
@@ -171,7 +171,7 @@ class Worlds(NamedTuple):
     report_held: NDArray[np.bool_]
     report_lost: NDArray[np.bool_]
     queue: NDArray[np.int64]
-    count: NDArray[np.int64]
+    queued: NDArray[np.int64]
     first: NDArray[np.int64]
     slot_report: NDArray[np.int64]
     end_s: Array
@@ -196,7 +196,7 @@ class Worlds(NamedTuple):
             report_held=np.zeros((b, m), bool),
             report_lost=np.zeros((b, m), bool),
             queue=np.full((b, m), reports),
-            count=np.zeros(b, np.int64),
+            queued=np.zeros(b, np.int64),
             first=np.zeros(b, np.int64),
             slot_report=np.full((b, slots), reports),
             end_s=np.zeros(b),
