@@ -35,6 +35,12 @@ DRIFT_SHARE = 0.01
 """Standard deviation of the odometry's scale [published range 1-2 % of the distance]."""
 
 
+_SETTLE_S = 0.12
+"""Pictures of a decision show what it did to plants in its last moment."""
+_INSET_PX = 224, 168
+"""Size of the small pictures beside the large one."""
+
+
 class FrontCamera:
     """Pictures while driving, tracks, and the odometry that carries them on; one strip of one world."""
 
@@ -64,6 +70,16 @@ class FrontCamera:
         return track_place + np.array([self._drift * (cart_m - last_m), 0.0])
 
 
+def boxed(rgb: NDArray[np.uint8], found: Seedlings) -> NDArray[np.uint8]:
+    """A small copy of the front camera's picture with boxes: yellow about crop plants, red about weeds."""
+    picture = rgb.copy()
+    for (x, y, w, h), crop in zip(found.box.tolist(), found.crop.tolist(), strict=True):
+        cv2.rectangle(picture, (x, y), (x + w, y + h), (250, 220, 60) if crop else (255, 60, 50), 2)
+    width = _INSET_PX[0]
+    size = width, round(width * len(rgb) / rgb.shape[1])
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
 SceneT = TypeVar("SceneT", bound=FieldScene)
 Show = Callable[[SceneT], None]
 """Puts the machine of a scene where it is at some time."""
@@ -81,6 +97,8 @@ class FieldView(ABC, Generic[SceneT]):
         self._loaded: tuple[int, ...] = ()
         self._listed: list[int] = []
         self._marks: list[Array] = []
+        self._shown_dead = np.zeros(0, bool)
+        self._focus: Array | None = None
 
     @abstractmethod
     def make_scene(self, machine: bool) -> SceneT:
@@ -146,13 +164,20 @@ class FieldView(ABC, Generic[SceneT]):
         return self._draw(self.standing())
 
     def frames(self, plan: WeederPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
-        """Pictures of a decision at a steady rate; what it did to the ground is shown from its beginning."""
+        """Pictures of a decision at a steady rate; what it did to the plants shows at its end."""
         phases = result.phases_s
-        time = np.arange(0.0, float(phases[0].sum()), 1.0 / frames_per_second)
-        if plan.kind[0] < WAIT:
-            self._marks.append(plan.aim[0].copy())
-        for show in self.moving(plan, phases, time):
-            yield self._draw(show)
+        total = float(phases[0].sum())
+        time = np.arange(0.0, total, 1.0 / frames_per_second)
+        aim = plan.aim[0].copy() if plan.kind[0] < WAIT else None
+        if aim is not None:
+            self._focus = aim
+        for show, now in zip(self.moving(plan, phases, time), time.tolist(), strict=True):
+            if aim is not None and now >= total - _SETTLE_S:
+                self._marks.append(aim)
+                aim = None
+            yield self._draw(show, settled=aim is None)
+        if aim is not None:
+            self._marks.append(aim)
 
     def close(self) -> None:
         """Close the scenes; idempotent."""
@@ -160,40 +185,48 @@ class FieldView(ABC, Generic[SceneT]):
             if scene is not None:
                 scene.close()
 
-    def _draw(self, show: Show[SceneT]) -> NDArray[np.uint8]:
+    def _draw(self, show: Show[SceneT], settled: bool = True) -> NDArray[np.uint8]:
+        """A picture; plants that the present decision kills are still alive in it unless it is ``settled``."""
         core = self._core
         if self._stage is None:
             self._stage = self.make_scene(machine=True)
             self._loaded = ()
+        dead = core.state.plant_dose[0] >= core.state.plant_tolerance[0]
         if self._loaded != self._identity():
             self.show_strip(self._stage)
-            self._loaded, self._marks = self._identity(), []
-        dead = core.state.plant_dose[0] >= core.state.plant_tolerance[0]
+            self._loaded, self._marks, self._shown_dead = self._identity(), [], dead & settled
+        if settled:
+            self._shown_dead = dead
         exists, end = core.plant_exists[0, : core.weeds_end], core.weeds_end
-        self._stage.set_dead(dead[:end][exists], dead[end:], self._marks)
+        self._stage.set_dead(self._shown_dead[:end][exists], self._shown_dead[end:], self._marks)
         show(self._stage)
-        return self._dress(self._stage.render())
-
-    def _dress(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Inset of the front camera with its detections, and the score so far."""
-        core = self._core
-        picture = np.ascontiguousarray(picture)
+        picture = np.ascontiguousarray(self._stage.render())
+        insets = []
         if self._front is not None and self._front.last is not None:
-            rgb, found = self._front.last
-            inset = rgb.copy()
-            for (x, y, w, h), crop in zip(found.box.tolist(), found.crop.tolist(), strict=True):
-                cv2.rectangle(inset, (x, y), (x + w, y + h), (250, 220, 60) if crop else (255, 60, 50), 2)
-            inset = np.asarray(cv2.resize(inset, None, fx=0.42, fy=0.42, interpolation=cv2.INTER_AREA), np.uint8)
+            insets.append(("front camera", boxed(*self._front.last)))
+        if self._focus is not None:
+            insets.append(("tool", np.ascontiguousarray(self._stage.close_up(self._focus, *_INSET_PX))))
+        top = 8
+        for name, inset in insets:
             h, w, _ = inset.shape
-            picture[8 : 8 + h, -8 - w : -8] = inset
+            cv2.putText(inset, name, (7, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (245, 245, 245), 1, cv2.LINE_AA)
+            cv2.rectangle(inset, (0, 0), (w - 1, h - 1), (245, 245, 245), 2)
+            picture[top : top + h, -8 - w : -8] = inset
+            top += h + 8
+        return self._gauge(picture)
+
+    def _gauge(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Write into a picture what has been killed and missed of what has passed."""
+        core = self._core
         names = dict(zip(core.score_names, core.scores()[0].tolist(), strict=True))
-        passed = np.count_nonzero(core.plant_exists[0, : core.weeds_end] & self._behind())
         killed = int(names["done"])
-        text = f"killed {killed}   missed {max(passed - killed, 0)}   crop lost {int(names['damaged'])}"
-        cv2.putText(picture, text, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (20, 20, 20), 2, cv2.LINE_AA)
-        share = names["net_rate"] * float(core.state.weeds[0]) / max(passed, killed, 1)
-        cv2.rectangle(picture, (12, 36), (212, 48), (150, 60, 50), -1)
-        cv2.rectangle(picture, (12, 36), (12 + int(200 * min(share, 1.0)), 48), (70, 150, 60), -1)
+        passed = max(np.count_nonzero(core.plant_exists[0, : core.weeds_end] & self._behind()), killed)
+        text = f"killed {killed}   missed {passed - killed}   crop lost {int(names['damaged'])}"
+        panel = picture[6:58, 6:330]
+        panel[:] = (0.35 * panel).astype(np.uint8)
+        cv2.putText(picture, text, (16, 28), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (245, 245, 245), 1, cv2.LINE_AA)
+        cv2.rectangle(picture, (16, 38), (320, 50), (190, 70, 60), -1)
+        cv2.rectangle(picture, (16, 38), (16 + int(304 * killed / max(passed, 1)), 50), (80, 180, 75), -1)
         return picture
 
     def _behind(self) -> NDArray[np.bool_]:
