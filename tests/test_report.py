@@ -333,6 +333,12 @@ def test_a_timeline_of_another_make_is_no_timeline(value: object):
     assert episodes.parse_timeline("x", 0, value) is None
 
 
+def test_unfinished_results_say_so(tmp_path: Path):
+    records = [record(POTS, policy, seed) for seed in range(4) for policy in ("fixed-order", "nearest")][:-1]
+    html = page.render(reader.load(write(tmp_path / "part", records)), "x")
+    assert "3 to 4 paired episodes a policy, seeds 0 to 3" in html
+
+
 def test_a_policy_that_finishes_nothing_is_shown_without_a_cycle(tmp_path: Path):
     records = [record(POTS, policy, seed) for policy in ("fixed-order", "nearest") for seed in range(3)]
     for item in records:

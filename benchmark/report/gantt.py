@@ -167,8 +167,9 @@ def stretches_of(timeline: Timeline, pixels_s: float, top: float, height: float,
         parts = []
         for start, seconds in zip(starts[:, j], timeline.seconds[:, j], strict=True):
             if seconds > 1e-9 and start < until_s:
-                x, width = number(start * pixels_s, 1), number(min(seconds, until_s - start) * pixels_s, 1)
-                parts.append(f"M{x} {number(top, 1)}h{width}v{number(height, 1)}H{x}z")
+                # Ends rounded, not widths: a gap of a tenth of a pixel would show.
+                x, end = (number(value * pixels_s, 1) for value in (start, min(start + seconds, until_s)))
+                parts.append(f"M{x} {number(top, 1)}H{end}v{number(height, 1)}H{x}z")
         if parts:
             paths.append(_filled("".join(parts), kinds[name]))
     return paths

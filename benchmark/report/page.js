@@ -64,13 +64,15 @@
     return "";
   };
 
-  document.addEventListener("pointermove", (event) => {
+  const tell = (event) => {
     const strip = event.target.closest("[data-decisions]");
     const item = event.target.closest("[data-tip]");
     const text = strip ? decision(strip, event) : item?.dataset.tip;
     if (text) show(text, event);
     else hide();
-  });
+  };
+  document.addEventListener("pointermove", tell);
+  document.addEventListener("pointerdown", tell);
   document.addEventListener("pointerleave", hide);
   addEventListener("scroll", hide, { passive: true, capture: true });
 })();

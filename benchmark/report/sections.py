@@ -118,9 +118,9 @@ def words(condition: Condition) -> str:
 
 def _episodes(tier: Tier) -> str:
     first, last = min(tier.seeds), max(tier.seeds)
-    return f"{len(tier.seeds)} paired episodes a policy, " + (
-        f"seeds {first} to {last}" if last > first else f"seed {first}"
-    )
+    fewest = min(row.episodes for row in tier.rows)
+    count = f"{len(tier.seeds)}" if fewest == len(tier.seeds) else f"{fewest} to {len(tier.seeds)}"
+    return f"{count} paired episodes a policy, " + (f"seeds {first} to {last}" if last > first else f"seed {first}")
 
 
 def _charged(tier: Tier) -> list[str]:
