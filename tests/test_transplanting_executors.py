@@ -13,9 +13,13 @@ from fieldgym.envs.transplanting.config import (
     HEALTHY,
     POOR,
     SCENARIOS,
+    SOURCE_TRAYS,
+    TARGET_TRAYS,
+    TRAYS,
     MachineConfig,
     PerceptionModel,
     TransplantingConfig,
+    Tray,
 )
 from fieldgym.envs.transplanting.executor import EMPTY_HANDED, moves
 from fieldgym.envs.transplanting.task import TransplantingCore, TransplantOutcome
@@ -139,12 +143,23 @@ def test_a_recording_begins_where_its_first_decision_begins(before):
     assert np.array_equal(first[0], first[1]) and np.array_equal(first[1], first[2])
 
 
-def test_confusion_matrices_that_ship_are_measured_and_better_than_guessing():
-    model = PerceptionModel.measured()
+@pytest.mark.parametrize("source", SOURCE_TRAYS)
+@pytest.mark.parametrize("target", TARGET_TRAYS)
+def test_confusion_matrices_that_ship_are_measured_and_better_than_guessing(source, target):
+    model = PerceptionModel.measured(TRAYS[source], TRAYS[target])
     for matrix in (model.source, model.target):
         shares = np.array(matrix)
         assert np.allclose(shares.sum(axis=1), 1.0)
-        assert shares[EMPTY, EMPTY] > 0.95 and shares[HEALTHY, HEALTHY] > 0.95 and shares[POOR, POOR] > 0.7
+        assert shares[EMPTY, EMPTY] > 0.95 and shares[HEALTHY, HEALTHY] > 0.95 and shares[POOR, POOR] > 0.6
+    env: Any = gym.make(ID, backend="analytic", source_tray=source, target_tray=target)
+    assert env.unwrapped.core.perception == model
+
+
+def test_a_tray_that_was_not_measured_is_seen_as_the_one_with_the_nearest_pitch():
+    close = Tray(10, 10, 0.0262)
+    model = PerceptionModel.measured(close, close)
+    assert model.source == PerceptionModel.measured(TRAYS[200]).source
+    assert model.target == PerceptionModel.measured(target=TRAYS[72]).target
 
 
 @pytest.mark.parametrize(("motion", "stroke_m"), [("stop-quintic", 0.0371), ("stop-fastest", 0.150)])

@@ -201,12 +201,19 @@ class PerceptionModel:
         return cls(identity, identity)
 
     @classmethod
-    @lru_cache(maxsize=1)
-    def measured(cls) -> PerceptionModel:
-        """The fit to rendered images that ships with the package [identified]."""
+    @lru_cache(maxsize=16)
+    def measured(cls, source: Tray = TRAYS[128], target: Tray = TRAYS[72]) -> PerceptionModel:
+        """The fit to rendered images of these trays that ships with the package [identified].
+
+        Of a tray that is no preset the camera is taken to see as much as of the preset with the nearest pitch.
+        """
         text = files(__name__.rsplit(".", 3)[0]).joinpath("assets/perception/transplanting.json").read_text("utf-8")
-        data = json.loads(text)
-        return cls(*(tuple(tuple(row) for row in data[name]["confusion"]) for name in ("source", "target")))
+        matrices = []
+        for name, tray, presets in (("source", source, SOURCE_TRAYS), ("target", target, TARGET_TRAYS)):
+            cells = min(presets, key=lambda preset, pitch=tray.pitch_m: abs(TRAYS[preset].pitch_m - pitch))
+            confusion = json.loads(text)[name][str(cells)]["confusion"]
+            matrices.append(tuple(tuple(row) for row in confusion))
+        return cls(*matrices)
 
 
 @dataclass(frozen=True)

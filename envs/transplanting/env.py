@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from ..core import BACKENDS, PERCEPTIONS, choice
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv, batched_perception
-from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, TransplantingConfig, tray
+from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, ScenarioConfig, TransplantingConfig, tray
 from .executor import AnalyticTransplanter, PyBulletTransplanter
 from .rules import TransplantPlan
 from .task import TransplantingCore, TransplantOutcome
@@ -88,7 +88,7 @@ class TrayTransplantingEnv(TaskEnv[TransplantPlan, TransplantOutcome]):
         config = configured(config, scenario, motion, source_tray, target_tray)
         choice("backend", backend, BACKENDS)
         perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
-        core = TransplantingCore(config, perception_model(perception))
+        core = TransplantingCore(config, perception_model(perception, config.scenario))
         executor = AnalyticTransplanter() if backend == "analytic" else PyBulletTransplanter(core)
         super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
 
@@ -116,7 +116,7 @@ class TrayTransplantingVectorEnv(TaskVectorEnv[TransplantPlan, TransplantOutcome
         """Build the rules for all worlds."""
         perception = batched_perception(backend, perception, render_mode)
         config = configured(config, scenario, motion, source_tray, target_tray)
-        core = TransplantingCore(config, perception_model(perception), num_envs)
+        core = TransplantingCore(config, perception_model(perception, config.scenario), num_envs)
         super().__init__(core, AnalyticTransplanter(), autoreset_mode)
 
 
@@ -146,8 +146,10 @@ def configured(
     return replace(config, scenario=replace(work, **changes), machine=machine)
 
 
-def perception_model(perception: str) -> PerceptionModel | None:
+def perception_model(perception: str, scenario: ScenarioConfig) -> PerceptionModel | None:
     """Statistics behind a perception level; None when reports come from a camera."""
     if perception == "camera":
         return None
-    return PerceptionModel.perfect() if perception == "perfect" else PerceptionModel.measured()
+    if perception == "perfect":
+        return PerceptionModel.perfect()
+    return PerceptionModel.measured(scenario.source, scenario.target)
