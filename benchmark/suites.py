@@ -15,7 +15,7 @@ QUICK_EPISODES = 8
 QUICK_TOUR_EPISODES = 3
 """The first environment is compared, the others are shown: together they take two minutes on two cores."""
 FULL_EPISODES = 200
-FULL_PYBULLET_EPISODES = 20
+FULL_PYBULLET_EPISODES = 24
 FULL_FIRST_SEED = 100_000
 """The large suites use the seeds from here on, which nothing else does: rules were tried on seeds from 0 on, cameras
 and parameters were fitted from 900,000 on, learned policies chose their weights from 1,000,000 on and learned from
