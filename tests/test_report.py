@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from fieldgym.benchmark.record import Record
-from fieldgym.benchmark.report import episodes, gantt, leaderboard, page, reader, sections, svg
+from fieldgym.benchmark.report import episodes, gantt, grids, leaderboard, page, reader, sections, svg
 from fieldgym.benchmark.report.markup import Markup, tag
 from fieldgym.benchmark.report.styles import phase_kinds, policy_styles
 from fieldgym.benchmark.report.timeline import CURVE_POINTS, TimelineRecorder
@@ -229,7 +229,7 @@ def test_figures_are_those_of_the_tables(study: reader.Study, tree: Tree):
         section = sections.anchor(item.task.id)
         for row in item.headline.all_rows:
             shown = next(values for where, policy, values in tree.rows if (where, policy) == (section, row.policy))
-            columns = [column for _, columns in sections.TABLE for column in columns]
+            columns = [column for _, columns in grids.TABLE for column in columns]
             there = [column for column in columns if any(column.cell(r)[0] != "-" for r in item.headline.all_rows)]
             wanted = [column.cell(row)[0].replace("-", "\u2212") for column in there]
             assert [value.replace("\u2013", "\u2212") for value in shown] == wanted
@@ -239,14 +239,14 @@ def test_intervals_and_doubt_stand_beside_the_figures(study: reader.Study, html:
     marked = 0
     for item in study.chapters:
         for row in item.headline.all_rows:
-            for _, columns in [*sections.TABLE, *((title, cells) for title, cells in MARKDOWN if title != "Mean")]:
+            for _, columns in [*grids.TABLE, *((title, cells) for title, cells in MARKDOWN if title != "Mean")]:
                 for column in columns:
                     _, interval = column.cell(row)
                     span = interval.removesuffix(" n.s.").removesuffix(" few")
                     assert span.replace(" .. ", " to ").replace("-", "\u2212") in html
                     if interval.endswith(" n.s."):
                         marked += 1
-                        assert str(sections.cell(column, row)).startswith('<td class="doubtful"><em>n.s. </em>')
+                        assert str(grids.cell(column, row)).startswith('<td class="doubtful"><em>n.s. </em>')
     assert marked > 0
 
 
@@ -432,6 +432,7 @@ def test_mean_curve_keeps_the_last_value_of_a_shorter_episode():
     assert found.end_s == 15.0 and found.episodes == 2
 
 
+@settings(deadline=None)
 @given(
     milliseconds=st.lists(st.lists(st.integers(0, 9000), min_size=2, max_size=2), min_size=1, max_size=12),
     width_s=st.floats(0.1, 7.0),
@@ -449,6 +450,7 @@ def test_columns_hold_every_second_once(milliseconds: list[list[int]], width_s: 
     assert shares.min() >= -1e-9 and shares.sum(axis=1).max() <= 1.0 + 1e-9
 
 
+@settings(deadline=None)
 @given(low=st.floats(-1e3, 1e3), span=st.floats(1e-3, 1e4), count=st.integers(3, 10), tight=st.booleans())
 def test_ticks_are_round_and_inside(low: float, span: float, count: int, tight: bool):
     x = svg.axis(low, low + span, 0.0, 100.0, count, tight)

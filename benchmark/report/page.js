@@ -73,6 +73,6 @@
   };
   document.addEventListener("pointermove", tell);
   document.addEventListener("pointerdown", tell);
-  document.addEventListener("pointerleave", hide);
+  document.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && hide());
   addEventListener("scroll", hide, { passive: true, capture: true });
 })();

@@ -9,7 +9,7 @@ from typing import Any
 from ...agents import policy_names, reference_policy
 from ...envs import ENV_IDS
 from ..statistics import CONFIDENCE, FEWEST_PAIRS, RESAMPLES
-from . import sections
+from . import grids, sections
 from .markup import Markup, join, tag
 from .reader import Chapter, Study
 from .styles import Style, policy_styles
@@ -88,8 +88,8 @@ def _count(n: int, what: str) -> str:
 def _glance(study: Study, styles: Mapping[str, Style]) -> Markup:
     """A line an environment."""
     lines = [_glance_line(item, styles) for item in study.chapters]
-    shown = sections.TABLE[:2]
-    above = [tag("th", sections.broken(title), scope="colgroup", colspan=len(columns)) for title, columns in shown]
+    shown = grids.TABLE[:2]
+    above = [tag("th", grids.broken(title), scope="colgroup", colspan=len(columns)) for title, columns in shown]
     below = [tag("th", column.title, scope="col") for _, columns in shown for column in columns]
     first = [tag("th", text, scope="col", rowspan=2) for text in ("task", "largest return")]
     return tag(
@@ -120,11 +120,11 @@ def _glance(study: Study, styles: Mapping[str, Style]) -> Markup:
 def _glance_line(item: Chapter, styles: Mapping[str, Style]) -> Markup:
     tier = item.headline
     row = sections.best(tier)
-    cells = [sections.cell(column, row) for _, columns in sections.TABLE[:2] for column in columns]
+    cells = [grids.cell(column, row) for _, columns in grids.TABLE[:2] for column in columns]
     name = tag("a", sections.name_of(item.task.id), href=f"#{sections.anchor(item.task.id)}")
     where = tag("small", f"{tier.condition.scenario}, {_count(len(tier.seeds), 'seed')}")
     phone = tag("small", row.policy, _class="phone")
-    policy = tag("td", sections.swatch(styles[row.policy]), row.policy, _class="words")
+    policy = tag("td", grids.swatch(styles[row.policy]), row.policy, _class="words")
     return tag("tr", tag("th", name, where, phone, scope="row"), policy, cells)
 
 

@@ -4,44 +4,21 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 
-from ..statistics import FEWEST_PAIRS, Difference, Estimate
-from ..suites import BOUND, Condition
+from ..suites import Condition
 from ..summary import Row
-from ..tables import MARKDOWN, Column
+from ..tables import MARKDOWN
 from ..thinking import CHARGED
 from . import charts, gantt
+from .grids import TABLE, broken, chips, doubt, holds, minus, moved, over_rules, swatch, table
 from .markup import EMPTY, Markup, tag
-from .reader import Chapter, Tier, Transfer
+from .reader import Chapter, Tier
 from .styles import Style
-from .svg import marker
 
-_RATE, _CYCLE, _RETURN = ("net_rate", 100.0, 2), ("cycle_time_s", 1.0, 2), ("return", 1.0, 3)
+FIGURES = {column.name: column for _, columns in TABLE for column in columns if column.kind == "mean"}
+"""How a score is written in a sentence."""
 
-TABLE = (
-    (
-        "net rate, %",
-        (Column("mean", *_RATE), Column("vs paper", *_RATE, "difference"), Column("below bound", *_RATE, "gap")),
-    ),
-    ("cycle time, s", (Column("mean", *_CYCLE), Column("vs paper", *_CYCLE, "difference"))),
-    ("return", (Column("mean", *_RETURN), Column("vs paper", *_RETURN, "difference"))),
-    ("done", (Column("a minute", "throughput_per_min", 1.0, 2),)),
-    ("damaged", (Column("an episode", "damaged", 1.0, 2),)),
-    ("decision", (Column("ms", "decision_ms", 1.0, 2),)),
-)
-"""Columns of the table of an environment, in groups."""
-
-MINUS, NONE = "\u2212", "\u2013"
-"""A true minus sign, and what stands where there is no value."""
-
-BOUND_STYLE = Style("bound", "circle")
-
-FIGURES = {
-    "net_rate": Column("net rate, %", "net_rate", 100.0, 2),
-    "cycle_time_s": Column("cycle time, s", "cycle_time_s", 1.0, 2),
-    "return": Column("return", "return", 1.0, 3),
-}
+DOUBTS = {"": "", "few": " (too few pairs to tell)", "n.s.": " (not significant)"}
 
 
 def name_of(env_id: str) -> str:
@@ -180,132 +157,7 @@ def _difference(row: Row, name: str) -> str:
     item = row.differences.get(name)
     if item is None or not math.isfinite(item.value):
         return f"unknown {unit}".rstrip()
-    return f"{minus(f'{round(scale * item.value, digits) + 0.0:+.{digits}f}')} {unit}".rstrip() + doubt(item)
-
-
-def doubt(item: Estimate) -> str:
-    """What must be said beside a difference that may be none."""
-    if not isinstance(item, Difference) or item.significant:
-        return ""
-    return " (too few pairs to tell)" if item.n < FEWEST_PAIRS else " (not significant)"
-
-
-def chips(tier: Tier, styles: dict[str, Style]) -> Markup:
-    """The policies with their markers; each lights up its marks in every chart of the section."""
-    items = [
-        tag(
-            "button",
-            swatch(styles[policy]),
-            policy,
-            tag("small", "paper's order") if policy == tier.reference else None,
-            type="button",
-            _class="chip",
-            data_policy=policy,
-            aria_pressed="false",
-        )
-        for policy in tier.policies
-    ]
-    return tag("div", items, _class="chips", role="group", aria_label="Policies: choose one to light it up")
-
-
-def swatch(style: Style) -> Markup:
-    """A policy's marker as a small picture."""
-    return tag("svg", marker(style, 8.0, 8.0, 5.0), _class="swatch", viewBox="0 0 16 16", aria_hidden="true")
-
-
-Groups = Sequence[tuple[str, Sequence[Column]]]
-
-
-def table(tier: Tier, styles: dict[str, Style], groups: Groups = TABLE) -> Markup:
-    """Policies in lines, scores in columns, intervals under values; columns that nobody has are left out."""
-    shown = [(title, [column for column in columns if _has(tier, column)]) for title, columns in groups]
-    shown = [(title, columns) for title, columns in shown if columns]
-    rows = [row for row in tier.all_rows if any(_told(column, row) for _, columns in shown for column in columns)]
-    lines = [_line(tier, row, shown, styles) for row in rows]
-    above = [tag("th", broken(title), scope="colgroup", colspan=len(columns)) for title, columns in shown]
-    below = [
-        tag("th", column.title, scope="col", _class="first" if column is columns[0] else None)
-        for _, columns in shown
-        for column in columns
-    ]
-    first = tag("th", "policy", scope="col", rowspan=2)
-    head = [tag("tr", first, above), tag("tr", below, _class="sub")] if len(groups) > 1 else tag("tr", first, below)
-    return tag(
-        "div",
-        tag("table", tag("thead", head), tag("tbody", lines)),
-        _class="scroll tablebox",
-        tabindex="0",
-        role="region",
-        aria_label=f"Scores, {tier.condition}",
-    )
-
-
-def _has(tier: Tier, column: Column) -> bool:
-    return any(_told(column, row) for row in tier.all_rows)
-
-
-def _told(column: Column, row: Row) -> bool:
-    return column.cell(row)[0] != "-"
-
-
-def _line(tier: Tier, row: Row, groups: Groups, styles: dict[str, Style]) -> Markup:
-    cells = [
-        cell(column, row, leads=row.policy == _leader(tier.rows, column), first=column is columns[0])
-        for _, columns in groups
-        for column in columns
-    ]
-    name = tag(
-        "th",
-        swatch(styles.get(row.policy, BOUND_STYLE)),
-        row.policy,
-        tag("small", "paper's order") if row.policy == tier.reference else None,
-        scope="row",
-        _class="named",
-    )
-    role = "limit" if row.policy == BOUND else None
-    return tag("tr", name, cells, _class=role, data_policy=row.policy)
-
-
-def broken(title: str) -> Markup:
-    """A heading with its unit set back."""
-    what, _, unit = title.partition(", ")
-    return tag("span", what, tag("i", f" {unit}") if unit else None)
-
-
-def _leader(rows: Sequence[Row], column: Column) -> str:
-    """The policy whose value is best, where better is plain."""
-    if column.kind != "mean" or column.name not in ("net_rate", "return"):
-        return ""
-    there = [row for row in rows if _told(column, row)]
-    return max(there, key=lambda row: row.scores[column.name].value).policy if there else ""
-
-
-def cell(column: Column, row: Row, leads: bool = False, first: bool = False) -> Markup:
-    """A score in a table: its value, the interval under it, and before it what says that a difference may be none."""
-    value, interval = column.cell(row)
-    if value == "-":
-        return tag("td", tag("span", NONE, _class="none"), _class="first" if first else None)
-    mark = next((word for word in (" n.s.", " few") if interval.endswith(word)), "")
-    return _td(value, interval.removesuffix(mark).replace(" .. ", " to "), mark.strip(), leads=leads, first=first)
-
-
-def _td(
-    value: str, interval: str, mark: str, leads: bool = False, first: bool = False, tip: str | None = None
-) -> Markup:
-    classes = " ".join(word for word, holds in (("first", first), ("doubtful", bool(mark))) if holds)
-    return tag(
-        "td",
-        tag("em", f"{mark} ") if mark else None,
-        tag("b" if leads else "span", minus(value)),
-        tag("small", minus(interval)) if interval else None,
-        _class=classes or None,
-        data_tip=tip,
-    )
-
-
-def minus(text: str) -> str:
-    """Numbers with a true minus sign."""
-    return text.replace("-", MINUS)
+    return f"{minus(f'{round(scale * item.value, digits) + 0.0:+.{digits}f}')} {unit}".rstrip() + DOUBTS[doubt(item)]
 
 
 def _more(tier: Tier, styles: dict[str, Style]) -> Markup:
@@ -317,7 +169,7 @@ def _more(tier: Tier, styles: dict[str, Style]) -> Markup:
     }
     parts = []
     for title, columns in MARKDOWN:
-        if title in titles and any(_told(column, row) for column in columns for row in tier.rows):
+        if title in titles and any(holds(column, row) for column in columns for row in tier.rows):
             parts += [tag("h4", titles[title]), table(tier, styles, [(title, columns)])]
     told = tier.bound_words
     if told is not None:
@@ -326,22 +178,9 @@ def _more(tier: Tier, styles: dict[str, Style]) -> Markup:
         parts.append(tag("p", f"Bounds: {how}. {proven}; {told.wall_s:.2g} s each.", _class="quiet after"))
     learned = [row for row in tier.rows if row.over_rules]
     if learned:
-        parts += [tag("h4", "Learned policies against every rule, return"), _over_rules(learned)]
+        parts += [tag("h4", "Learned policies against every rule, return"), over_rules(learned)]
     return (
         tag("details", tag("summary", "All scores: interquartile means, differences, gaps"), parts) if parts else EMPTY
-    )
-
-
-def _over_rules(rows: Sequence[Row]) -> Markup:
-    lines = []
-    for row in rows:
-        for rule, item in row.over_rules.items():
-            span = f"{item.low:+.3f} to {item.high:+.3f}" if math.isfinite(item.low) else ""
-            cells = [_td(f"{item.value:+.3f}", span, _SHORT.get(doubt(item), ""))]
-            lines.append(tag("tr", tag("th", f"{row.policy} {MINUS} {rule}", scope="row"), cells))
-    heads = [tag("th", text, scope="col") for text in ("pair", "difference in return")]
-    return tag(
-        "div", tag("table", tag("thead", tag("tr", heads)), tag("tbody", lines)), _class="scroll tablebox compact"
     )
 
 
@@ -366,7 +205,7 @@ def _transfer(item: Chapter, styles: dict[str, Style]) -> Markup:
         tag(
             "tr",
             tag("th", swatch(styles[move.policy]), move.policy, scope="row"),
-            _moved(move),
+            moved(move),
             data_policy=move.policy,
         )
         for move in item.transfer
@@ -381,25 +220,6 @@ def _transfer(item: Chapter, styles: dict[str, Style]) -> Markup:
         ),
         tag("div", tag("table", tag("thead", tag("tr", heads)), tag("tbody", lines)), _class="scroll tablebox compact"),
     )
-
-
-def _moved(move: Transfer) -> list[Markup]:
-    cells = []
-    for name, scale, digits in (("net_rate", 100.0, 2), ("cycle_time_s", 1.0, 3), ("return", 1.0, 3)):
-        item = move.differences[name]
-        if not math.isfinite(item.value):
-            cells.append(tag("td", NONE))
-            continue
-        low, high = (f"{round(scale * end, digits) + 0.0:.{digits}f}" for end in (item.low, item.high))
-        before, after = (f"{scale * value:.{digits}f}" for value in move.means[name])
-        value = f"{round(scale * item.value, digits) + 0.0:+.{digits}f}"
-        interval = f"{low} to {high}" if math.isfinite(item.low) else ""
-        tip = f"{move.policy}\nanalytic {before}\nPyBullet {after}"
-        cells.append(_td(value, interval, _SHORT.get(doubt(item), ""), tip=tip))
-    return cells
-
-
-_SHORT = {" (too few pairs to tell)": "few", " (not significant)": "n.s."}
 
 
 def _seconds(tier: Tier) -> Markup:
