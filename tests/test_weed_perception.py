@@ -1,0 +1,206 @@
+"""Parting plants and finding stems on drawn pictures, the detector on a painted field, and tracks over pictures."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldgym.perception.rosettes import Rosette, blade_foot, broad_bodies, part, slenderness
+from fieldgym.perception.weeds import (
+    Seedlings,
+    WeedDetectorSettings,
+    WeedTracker,
+    detect_seedlings,
+    on_plane,
+    plant_mask,
+)
+
+SOIL, GREEN = (100, 78, 58), (85, 140, 56)
+PIXEL_M, EYE_M = 0.00125, 0.85
+FOCAL = EYE_M / PIXEL_M
+INTRINSICS = np.array([[FOCAL, 0.0, 200.0], [0.0, FOCAL, 160.0], [0.0, 0.0, 1.0]])
+# Straight down, the top of the picture ahead: image right is -y, image down is -x.
+CAMERA = np.array([[0.0, -1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, EYE_M], [0.0, 0.0, 0.0, 1.0]])
+
+
+def leaves(mask, centre, length, width, angles):
+    """Draw elliptic leaves that radiate from ``centre`` (column, row)."""
+    for angle in angles:
+        out = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+        middle = np.rint(np.array(centre) + 0.5 * length * out).astype(int)
+        cv2.ellipse(mask, tuple(middle.tolist()), (round(0.5 * length), round(0.5 * width)), angle, 0, 360, 1, -1)
+    cv2.circle(mask, centre, max(width // 4, 1), 1, -1)
+    return mask
+
+
+def tapered(mask, foot, tip, width):
+    """Draw a blade that is ``width`` wide at its foot and a point at its tip, both (column, row)."""
+    foot, tip = np.array(foot, float), np.array(tip, float)
+    side = np.array([-(tip - foot)[1], (tip - foot)[0]]) / np.linalg.norm(tip - foot) * 0.5 * width
+    corners = np.rint([foot + side, foot - side, tip]).astype(np.int32)
+    cv2.fillPoly(mask, [corners], 1)
+    return mask
+
+
+@settings(max_examples=30, deadline=None)
+@given(turn=st.floats(0.0, 90.0), length=st.integers(18, 40))
+def test_the_stem_of_a_rosette_is_where_its_leaves_meet(turn, length):
+    mask = leaves(np.zeros((120, 120), np.uint8), (60, 58), length, 9, [turn + 90.0 * k for k in range(4)])
+    plants = part(mask, 12)
+    assert len(plants) == 1
+    assert np.hypot(*(plants[0].stem - [58.0, 60.0])) < 2.0
+
+
+def test_plants_that_touch_are_parted():
+    mask = leaves(np.zeros((140, 180), np.uint8), (60, 70), 30, 9, [20.0, 110.0, 200.0, 290.0])
+    mask = tapered(mask, (110, 58), (80, 84), 6)
+    mask = tapered(mask, (110, 58), (150, 75), 6)
+    assert cv2.connectedComponents(mask)[0] == 2
+    stems = np.array([plant.stem for plant in part(mask, 30)])
+    for row, column in ((70, 60), (58, 110)):
+        assert np.hypot(*(stems - [row, column]).T).min() < 5.0
+
+
+def test_parts_of_a_blob_are_its_own_pixels_and_no_crumbs():
+    mask = leaves(np.zeros((120, 120), np.uint8), (60, 60), 30, 9, [0.0, 90.0, 180.0, 270.0])
+    mask = tapered(mask, (85, 60), (110, 100), 4)
+    seen = np.zeros_like(mask)
+    for plant in part(mask, 25):
+        assert len(plant.pixels) >= 25
+        seen[plant.pixels[:, 0], plant.pixels[:, 1]] += 1
+    assert np.all(seen <= mask)
+
+
+@settings(max_examples=30, deadline=None)
+@given(angle=st.floats(0.0, 2.0 * np.pi))
+def test_a_blade_stands_on_its_wider_end(angle):
+    foot = np.array([60.0, 60.0])
+    tip = foot + 40.0 * np.array([np.cos(angle), np.sin(angle)])
+    mask = tapered(np.zeros((121, 121), np.uint8), foot, tip, 7)
+    pixels = np.argwhere(mask)
+    assert np.hypot(*(blade_foot(Rosette(pixels.mean(axis=0), pixels))[::-1] - foot)) < 4.0
+    assert slenderness(pixels) < 0.2
+
+
+def test_only_broad_leaves_are_bodies():
+    mask = np.zeros((200, 200), np.uint8)
+    cv2.circle(mask, (80, 100), 30, 1, -1)
+    mask = tapered(mask, (105, 100), (180, 100), 6)
+    bodies = broad_bodies(mask, 10.0, 100)
+    assert len(bodies) == 1
+    assert bodies[0].mean(axis=0) == pytest.approx([100.0, 80.0], abs=1.0)
+    assert bodies[0][:, 1].max() < 116
+    assert broad_bodies(mask, 40.0, 100) == []
+
+
+def test_shade_does_not_change_the_mask():
+    rgb = np.full((60, 60, 3), SOIL, np.uint8)
+    rgb[20:40, 20:40] = GREEN
+    shaded = (0.55 * rgb).astype(np.uint8)
+    bright, dark = plant_mask(rgb, 0.14, 1), plant_mask(shaded, 0.14, 1)
+    assert np.array_equal(bright, dark)
+    assert np.count_nonzero(bright) == pytest.approx(400, abs=90)
+
+
+@settings(max_examples=40, deadline=None)
+@given(x=st.floats(-0.2, 0.2), y=st.floats(-0.2, 0.2), z=st.floats(0.0, 0.05))
+def test_rays_meet_the_plane_where_the_point_is(x, y, z):
+    seen = INTRINSICS @ (np.linalg.inv(CAMERA) @ [x, y, z, 1.0])[:3]
+    place = on_plane((seen[:2] / seen[2])[None], INTRINSICS, CAMERA, z)[0]
+    assert place == pytest.approx([x, y], abs=1e-9)
+
+
+def painted(*draw):
+    """A picture of soil with plants drawn into it."""
+    rgb = np.full((320, 400, 3), SOIL, np.uint8)
+    mask = np.zeros((320, 400), np.uint8)
+    for put in draw:
+        put(mask)
+    rgb[mask > 0] = GREEN
+    return rgb
+
+
+def test_the_detector_says_what_stands_where():
+    rgb = painted(
+        lambda m: leaves(m, (100, 60), 24, 11, [10.0, 100.0, 190.0, 280.0]),
+        lambda m: leaves(m, (300, 60), 7, 4, [30.0, 210.0]),
+        lambda m: tapered(m, (300, 200), (300, 182), 2),
+        lambda m: leaves(m, (200, 160), 44, 24, [0.0, 60.0, 120.0, 180.0, 240.0, 300.0]),
+        lambda m: leaves(m, (90, 318), 20, 10, [0.0, 90.0, 180.0, 270.0]),
+    )
+    found = detect_seedlings(rgb, INTRINSICS, CAMERA)
+    # The fifth plant is cut off by the picture's edge.
+    assert len(found.position) == 4
+    assert found.crop.sum() == 1
+    by_place = {(round(-y / PIXEL_M / 10.0), round(-x / PIXEL_M / 10.0)): i for i, (x, y) in enumerate(found.position)}
+    four, cotyledon = by_place[(-10, -10)], by_place[(10, -10)]
+    assert (found.species[four], found.stage[four]) == (0, 2)
+    assert (found.species[cotyledon], found.stage[cotyledon]) == (0, 0)
+    grass = int(np.flatnonzero(found.species == 1)[0])
+    assert found.position[grass] == pytest.approx([-40 * PIXEL_M, -100 * PIXEL_M], abs=0.004)
+    assert found.position[found.crop][0] == pytest.approx([0.0, 0.0], abs=0.003)
+    whole = detect_seedlings(rgb, INTRINSICS, CAMERA, settings=WeedDetectorSettings(whole=False))
+    assert len(whole.position) == 5
+
+
+def test_a_crop_plant_is_one_only_in_the_row():
+    rgb = painted(lambda m: leaves(m, (60, 160), 44, 24, [0.0, 60.0, 120.0, 180.0, 240.0, 300.0]))
+    assert not detect_seedlings(rgb, INTRINSICS, CAMERA).crop.any()
+    row = -(60 - 200) * PIXEL_M
+    assert detect_seedlings(rgb, INTRINSICS, CAMERA, row_across_m=row).crop.tolist() == [True]
+
+
+def test_an_empty_field_has_no_plants():
+    found = detect_seedlings(painted(), INTRINSICS, CAMERA)
+    assert found.position.shape == (0, 2) and found.box.shape == (0, 4)
+
+
+def seedlings(*places, crop=False):
+    n = len(places)
+    zeros = np.zeros(n, np.int64)
+    position = np.array(places, float).reshape(-1, 2)
+    return Seedlings(position, np.ones(n), zeros, zeros, np.full(n, crop), np.zeros((n, 4), np.int64), np.ones(n))
+
+
+def test_tracks_are_joined_within_the_gate_and_confirmed_by_the_second_picture():
+    tracker = WeedTracker(gate_m=0.01)
+    tracker.update(seedlings((0.5, 0.0), (0.5, 0.1)), 0.0, (0.3, 0.7))
+    assert [t.confirmed_m for t in tracker.tracks] == [np.inf, np.inf]
+    tracker.update(seedlings((0.504, 0.1), (0.504, 0.0), (0.6, 0.0)), 0.06, (0.3, 0.7))
+    assert len(tracker.tracks) == 3
+    assert [t.confirmed_m for t in tracker.tracks] == [0.06, 0.06, np.inf]
+    assert tracker.tracks[0].place == pytest.approx([0.502, 0.0])
+    # Far out of the gate: another plant.
+    tracker.update(seedlings((0.52, 0.0)), 0.12, (0.3, 0.7))
+    assert len(tracker.tracks) == 4
+
+
+def test_one_bad_picture_does_not_move_a_track():
+    tracker = WeedTracker()
+    for i, x in enumerate((0.5, 0.5, 0.51, 0.5, 0.5)):
+        tracker.update(seedlings((x, 0.0)), 0.06 * i, (0.3, 0.7))
+    assert len(tracker.tracks) == 1
+    assert tracker.tracks[0].place == pytest.approx([0.5, 0.0])
+
+
+def test_what_most_pictures_do_not_show_is_doubtful():
+    tracker = WeedTracker()
+    for i in range(6):
+        tracker.update(seedlings((0.5, 0.0)) if i < 2 else seedlings(), 0.01 * i, (0.3, 0.7))
+    assert tracker.tracks[0].is_doubtful
+    # Pictures that it does not lie in do not count against it.
+    tracker = WeedTracker()
+    for i in range(6):
+        tracker.update(seedlings((0.5, 0.0)) if i < 2 else seedlings(), 0.01 * i, (0.3, 0.7) if i < 2 else (0.6, 1.0))
+    assert not tracker.tracks[0].is_doubtful
+
+
+def test_most_pictures_decide_what_is_a_crop_plant():
+    tracker = WeedTracker()
+    for i in range(5):
+        tracker.update(seedlings((0.5, 0.0), crop=i < 2), 0.06 * i, (0.3, 0.7))
+    assert not tracker.tracks[0].is_crop
+    for i in range(5, 7):
+        tracker.update(seedlings((0.5, 0.0), crop=True), 0.06 * i, (0.3, 0.7))
+    assert tracker.tracks[0].is_crop
