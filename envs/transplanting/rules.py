@@ -136,13 +136,13 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> T
         what, chosen = kind_of(worlds, w, actions[w])
         kind[w], pair[w] = what, chosen
         if what < INDEX_SOURCE:
-            clears[w], grips[w], end[w] = plan_pair(tables, worlds, w, what, chosen, held[w], phases_s[w], travel_m)
+            clears[w], grips[w], end[w] = plan_pair(tables, worlds, w, what, chosen, held, phases_s, travel_m)
         elif what == NOTHING:
             phases_s[w, WAIT] = tables.illegal_s
         else:
             # A conveyor moves once the tool has risen from the cells.
             here, cells = start[w], len(tables.rise) // 2
-            phases_s[w, TRAVEL], travel_m[w] = tables.rise[here]
+            phases_s[w, TRAVEL], travel_m[w] = tables.rise[here, 0], tables.rise[here, 1]
             if what == INDEX_SOURCE:
                 phases_s[w, INDEX] = tables.row_s[0, worlds.source_row[w]]
             else:
@@ -172,20 +172,21 @@ def plan_pair(
     """Write down a pair's phases and what its cells hold; gives whether it clears, whether it grips, where it ends."""
     n, m = worlds.source_cells.shape[2], worlds.target_cells.shape[2]
     source, target, row = pair // m, pair % m, worlds.source_row[w]
-    held[0], held[1] = worlds.source_cells[w, row, source], worlds.target_cells[w, worlds.target_row[w], target]
+    held[w, 0] = worlds.source_cells[w, row, source]
+    held[w, 1] = worlds.target_cells[w, worlds.target_row[w], target]
     clears = worlds.target_reports[w, worlds.target_row[w], target] == POOR
-    grips = held[0] != EMPTY and worlds.luck[w, row, source, _EXTRACT] < tables.extraction
+    grips = held[w, 0] != EMPTY and worlds.luck[w, row, source, _EXTRACT] < tables.extraction
     way, here = 1 if clears else 0, worlds.place[w]
-    phases_s[TRAVEL], travel_m[w] = tables.approach[way, here, pair]
+    phases_s[w, TRAVEL], travel_m[w] = tables.approach[way, here, pair, 0], tables.approach[way, here, pair, 1]
     # The needles close at the source cell, whether they find a plug or not.
-    phases_s[HANDLE] = tables.grip_s
+    phases_s[w, HANDLE] = tables.grip_s
     if clears:
-        phases_s[HANDLE] += tables.grip_s + tables.release_s
+        phases_s[w, HANDLE] += tables.grip_s + tables.release_s
     if not grips:
         return clears, grips, source
-    phases_s[CARRY], carry_m = tables.carry[speed, pair]
-    phases_s[HANDLE] += tables.release_s
-    travel_m[w] += carry_m
+    phases_s[w, CARRY] = tables.carry[speed, pair, 0]
+    phases_s[w, HANDLE] += tables.release_s
+    travel_m[w] += tables.carry[speed, pair, 1]
     return clears, grips, n + target
 
 
@@ -230,8 +231,8 @@ def transplant(tables: Tables, worlds: Worlds, plan: TransplantPlan, w: int, wit
     totals, m = worlds.totals[w], worlds.target_cells.shape[2]
     speed, column, gap = plan.kind[w], plan.pair[w] // m, plan.pair[w] % m
     row, target_row = worlds.source_row[w], worlds.target_row[w]
-    plug, before = plan.held[w]
-    seen, luck = worlds.source_reports[w, row, column], worlds.luck[w, row, column]
+    plug, before = plan.held[w, 0], plan.held[w, 1]
+    seen = worlds.source_reports[w, row, column]
     worlds.source_cells[w, row, column] = EMPTY
     worlds.source_reports[w, row, column] = EMPTY
     totals[TRIED] += 1.0
@@ -246,14 +247,14 @@ def transplant(tables: Tables, worlds: Worlds, plan: TransplantPlan, w: int, wit
         if plug != EMPTY:
             totals[TORN] += 1.0
             totals[DAMAGES] += 1.0
-    elif luck[_LOSE] < tables.chances[speed, 0] or not within:
+    elif worlds.luck[w, row, column, _LOSE] < tables.chances[speed, 0] or not within:
         totals[LOST] += 1.0
     else:
         # The sensor tells the machine that a plug arrived, not what became of it.
         worlds.target_reports[w, target_row, gap] = seen
         now = plug
         # A plug that is pushed into another one spoils both.
-        if left != EMPTY or luck[_DAMAGE] < tables.chances[speed, 1]:
+        if left != EMPTY or worlds.luck[w, row, column, _DAMAGE] < tables.chances[speed, 1]:
             now = DAMAGED
             totals[DAMAGES] += 2.0 if left == HEALTHY else 1.0
         good = now == HEALTHY
@@ -270,8 +271,8 @@ def transplant(tables: Tables, worlds: Worlds, plan: TransplantPlan, w: int, wit
 def index_source(worlds: Worlds, w: int) -> float:
     """Present the next source row; gives the healthy seedlings that leave with the old one."""
     wasted = 0.0
-    for cell in worlds.source_cells[w, worlds.source_row[w]]:
-        if cell == HEALTHY:
+    for column in range(worlds.source_cells.shape[2]):
+        if worlds.source_cells[w, worlds.source_row[w], column] == HEALTHY:
             wasted += 1.0
     worlds.totals[w, WASTED] += wasted
     worlds.source_row[w] += 1
@@ -287,37 +288,37 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
     candidates = np.zeros((count, n * m * _FEATURES), np.float32)
     mask = np.zeros((count, _SPEEDS * n * m + 2), np.int8)
     for w in range(count):
-        place = worlds.place[w]
-        ready = worlds.source_reports[w, worlds.source_row[w]]
-        known = worlds.target_reports[w, worlds.target_row[w]]
+        place, row, target_row = worlds.place[w], worlds.source_row[w], worlds.target_row[w]
         usable = 0
         for source in range(n):
-            if ready[source] == EMPTY:
+            ready = worlds.source_reports[w, row, source]
+            if ready == EMPTY:
                 continue
             usable += 1
             for target in range(m):
-                if known[target] == HEALTHY:
+                known = worlds.target_reports[w, target_row, target]
+                if known == HEALTHY:
                     continue
-                pair, clear = source * m + target, known[target] == POOR
-                feature = candidates[w, pair * _FEATURES : (pair + 1) * _FEATURES]
+                pair, clear = source * m + target, 1 if known == POOR else 0
+                first = pair * _FEATURES
                 for column in range(_FEATURES):
-                    feature[column] = tables.pair_feature[pair, column]
-                feature[_APPROACH] = tables.approach[1 if clear else 0, place, pair, 0] / MOVE_SCALE_S
-                feature[_POOR] = 1.0 if ready[source] == POOR else 0.0
-                feature[_CLEAR] = 1.0 if clear else 0.0
+                    candidates[w, first + column] = tables.pair_feature[pair, column]
+                candidates[w, first + _APPROACH] = tables.approach[clear, place, pair, 0] / MOVE_SCALE_S
+                candidates[w, first + _POOR] = 1.0 if ready == POOR else 0.0
+                candidates[w, first + _CLEAR] = clear
                 for speed in range(_SPEEDS):
                     mask[w, _SPEEDS * pair + speed] = 1
         gaps = 0
         for target in range(m):
-            if known[target] != HEALTHY:
+            if worlds.target_reports[w, target_row, target] != HEALTHY:
                 gaps += 1
         machine[w, 0], machine[w, 1] = tables.place_feature[place, 0], tables.place_feature[place, 1]
         machine[w, 2] = worlds.totals[w, TIME] / tables.time_limit_s
-        machine[w, 3] = 1.0 - (worlds.source_row[w] + 1.0) / source_rows
-        machine[w, 4] = 1.0 - (worlds.target_row[w] + 1.0) / target_rows
+        machine[w, 3] = 1.0 - (row + 1.0) / source_rows
+        machine[w, 4] = 1.0 - (target_row + 1.0) / target_rows
         machine[w, 5] = usable / n
         machine[w, 6] = gaps / m
-        mask[w, -2] = worlds.source_row[w] + 1 < source_rows
+        mask[w, -2] = row + 1 < source_rows
         mask[w, -1] = 1
     return machine, candidates, mask
 
@@ -332,7 +333,8 @@ def score_worlds(worlds: Worlds) -> Array:
         result[w, 0] = totals[FILLED] / totals[CELLS]
         result[w, 1] = totals[LAST] / max(totals[DONE], 1.0)
         result[w, 2] = 60.0 * totals[DONE] / max(totals[TIME], 1e-9)
-        result[w, _FIRST_TOTAL:-1] = totals[:LAST]
+        for total in range(LAST):
+            result[w, _FIRST_TOTAL + total] = totals[total]
         result[w, _FIRST_TOTAL + _MISSED] = missed
         result[w, -1] = 1.0 - missed / max(totals[GAPS], 1.0)
     return result
