@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
 from ..motion import StoppedPath
-from .assets import asset_path
 from .client import PhysicsClient
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
 from .hose import Hose
+from .machine import LoopMachine, urdf_file
 from .picker_model import HOSE_INLET_M, HOSE_RADIUS_M, PICKER_ASSET, PickerParameters, hose_outlet_m, picker_robot
 
 Array = NDArray[np.float64]
@@ -28,9 +23,6 @@ JOINTS = ("cart", "arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
 _DRIVEN = [JOINTS.index(name) for name in MOTORS]
 _HOSE_EVERY = 8
 """Steps between two layings of a visible hose: thirty a second."""
-
-START_TOLERANCE_M = 0.003
-"""How far a commanded trajectory may start from where the machine stands; a jump could flip the five-bar over."""
 
 
 @dataclass(frozen=True)
@@ -70,16 +62,16 @@ class _Record:
     effort: Array = field(default_factory=lambda: np.zeros(len(MOTORS)))
 
 
-class PickerMachine:
+class PickerMachine(LoopMachine):
     """The picker: a cart, two two-link legs and a level platform, closed by two point-to-point constraints.
 
     Tool positions are (u, v) in the five-bar's plane, see ``FiveBar``; the plane stands across the row at the cart's
     x. The world has x along the row, y across, z up, with the ground at z = 0.
 
-    Attributes:
-        parameters: the numbers that it was built from.
-        client: the world that it lives in; it holds nothing else unless it was lent.
+    Attributes as ``LoopMachine``.
     """
+
+    parameters: PickerParameters
 
     def __init__(
         self,
@@ -96,10 +88,7 @@ class PickerMachine:
                 makes its own, and closes it, where this is left out.
             visuals: load what can be seen; by default only into a world that was lent, or has a window.
         """
-        self.parameters = parameters or PickerParameters()
-        self._owns_client = client is None
-        self.client = client or PhysicsClient(self.parameters.physics_hz)
-        self._open = True
+        super().__init__(parameters or PickerParameters(), client)
         bar = self.parameters.five_bar
         wrists = ((0.0, -bar.half_platform_m, bar.tool_drop_m), (0.0, bar.half_platform_m, bar.tool_drop_m))
         closures = [
@@ -107,17 +96,13 @@ class PickerMachine:
         ]
         torque = self.parameters.arm_torque_limit_n_m
         motors = [Motor("cart", self.parameters.cart_force_limit_n), Motor("arm1", torque), Motor("arm2", torque)]
-        shown = (not self._owns_client or self.client.gui) if visuals is None else visuals
-        with _urdf_file(self.parameters) as path:
+        shown = self._shown(visuals)
+        shipped = PICKER_ASSET if self.parameters == PickerParameters() else None
+        with urdf_file(shipped, lambda: picker_robot(self.parameters).to_xml()) as path:
             self._machine = ClosedLoopMachine(self.client, [Body("picker", path)], closures, motors, visuals=shown)
         self._hose = Hose(self.client, 0.75, HOSE_RADIUS_M, (0.85, 0.85, 0.83, 1.0)) if shown else None
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, bar.forward([-0.5 * np.pi, -0.5 * np.pi]))
-
-    @property
-    def body_id(self) -> int:
-        """PyBullet's number of the machine's body."""
-        return self._machine.body_ids["picker"]
 
     def place(self, cart_x_m: float, tool: ArrayLike) -> None:
         """Put all joints where the kinematics says, at rest, without stepping: for rendering.
@@ -158,13 +143,7 @@ class PickerMachine:
         carts, tools = self._trajectory(cart, tool)
         targets = self._joints(carts, tools)[:, _DRIVEN]
         wanted = self._to_world(carts, tools)
-        jump = float(np.linalg.norm(wanted[0] - self.tool_world()))
-        if jump > START_TOLERANCE_M:
-            raise ValueError(
-                f"the trajectory starts {1e3 * jump:.1f} mm from where the tool stands; at most "
-                f"{1e3 * START_TOLERANCE_M:.0f} mm is allowed: start at the last commanded pose, call reset(), or give "
-                "stronger motors if the last motion's report says that they were saturated"
-            )
+        self._require_start(float(np.linalg.norm(wanted[0] - self.tool_world())))
         record = _Record()
         last = len(carts) - 1
 
@@ -196,26 +175,10 @@ class PickerMachine:
         """The tool centre in the world, (3,), metres."""
         return self._machine.point("platform")
 
-    def close(self) -> None:
-        """Leave the world: close it if it is the machine's own, else remove the bodies. Again does nothing."""
-        if self._open and not self.client.closed:
-            if self._owns_client:
-                self.client.close()
-            else:
-                self._machine.remove()
-                if self._hose is not None:
-                    self._hose.remove()
-        self._open = False
-
-    def __enter__(self) -> PickerMachine:
-        """Return the machine itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
+    def _remove(self) -> None:
+        super()._remove()
+        if self._hose is not None:
+            self._hose.remove()
 
     def _place(self, cart_x_m: float, tool: ArrayLike) -> Array:
         joints = self._joints(np.array([cart_x_m], dtype=np.float64), as_points(tool, 2, "tool").reshape(1, 2))[0]
@@ -233,11 +196,7 @@ class PickerMachine:
         carts, tools = np.asarray(cart, dtype=np.float64), as_points(tool, 2, "tool")
         if carts.ndim != 1 or tools.shape != (len(carts), 2) or len(carts) == 0:
             raise ValueError(f"cart has shape {carts.shape} and tool {tools.shape}: expected (n,) and (n, 2), n >= 1")
-        if self.client.physics_hz != self.parameters.physics_hz:
-            raise ValueError(
-                f"the client runs at {self.client.physics_hz} Hz, the machine's parameters say "
-                f"{self.parameters.physics_hz} Hz: give PickerMachine no client, or one of its own rate"
-            )
+        self._require_rate()
         return carts, tools
 
     def _joints(self, carts: Array, tools: Array) -> Array:
@@ -289,19 +248,3 @@ def measure_tracking(parameters: PickerParameters | None = None) -> MotionReport
     with PickerMachine(chosen) as machine:
         machine.reset(cart[0], tool[0])
         return machine.run(cart, tool, measure=True)
-
-
-@contextmanager
-def _urdf_file(parameters: PickerParameters) -> Iterator[Path]:
-    """The shipped URDF where the parameters are the shipped ones, else one written for the moment."""
-    if parameters == PickerParameters():
-        with asset_path(PICKER_ASSET) as path:
-            yield path
-        return
-    handle, name = tempfile.mkstemp(suffix=".urdf", prefix="fieldgym-picker-")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(picker_robot(parameters).to_xml())
-        yield Path(name)
-    finally:
-        os.unlink(name)

@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,19 +18,18 @@ from ..motion.orientation import angle_between, from_euler
 from .assets import asset_path
 from .client import PhysicsClient, pybullet
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
+from .machine import START_TOLERANCE_M, LoopMachine
 from .prrs_model import PrrsParameters
 from .sorter_limits import first_violation
 
 Array = NDArray[np.float64]
-Machine = TypeVar("Machine", bound="PrrsMachine")
 
 MOTORS = ("slider1", "slider2", "slider3", "drive1", "drive2", "drive3")
 """Driven joints in the order of the mechanism's joints."""
 SWINGS = ("swing1", "swing2", "swing3")
 
-START_TOLERANCE_M = 0.003
-"""How far a commanded motion may start from where the platform stands; a jump could flip the platform over."""
 START_TOLERANCE_RAD = 0.03
+"""As ``START_TOLERANCE_M``, for the platform's turn."""
 
 
 @dataclass(frozen=True)
@@ -74,15 +71,13 @@ class _Record:
     effort: Array = field(default_factory=lambda: np.zeros(len(MOTORS)))
 
 
-class PrrsMachine:
+class PrrsMachine(LoopMachine):
     """A 3-PRRS: six motors and a free platform held by three spherical joints.
 
     Poses are the mechanism's, (x, y, z, alpha, beta, gamma) in metres and radians, see ``ThreePRRS``; the world's
     origin lies on the floor under it.
 
-    Attributes:
-        parameters: the numbers that it was built from.
-        client: the world that it lives in; it holds nothing else unless it was lent.
+    Attributes as ``LoopMachine``; ``parameters`` are ``PrrsParameters``.
     """
 
     def __init__(
@@ -100,10 +95,7 @@ class PrrsMachine:
                 makes its own, and closes it, where this is left out.
             visuals: load what can be seen; by default only into a world that was lent, or has a window.
         """
-        self.parameters = parameters
-        self._owns_client = client is None
-        self.client = client or PhysicsClient(self.parameters.physics_hz)
-        self._open = True
+        super().__init__(parameters, client)
         mechanism = self.parameters.mechanism
         base = (0.0, 0.0, self.parameters.origin_height_m)
         self._origin = np.array(base)
@@ -119,7 +111,7 @@ class PrrsMachine:
             bodies += self._fixtures(paths)
             force, torque = self.parameters.slider_force_limit_n, self.parameters.swing_torque_limit_n_m
             motors = [Motor(name, force if name.startswith("slider") else torque) for name in MOTORS]
-            shown = (not self._owns_client or self.client.gui) if visuals is None else visuals
+            shown = self._shown(visuals)
             self._machine = ClosedLoopMachine(self.client, bodies, closures, motors, visuals=shown)
         names = MOTORS + SWINGS
         self._order = [names.index(name) for name in self._machine.joints]
@@ -163,11 +155,7 @@ class PrrsMachine:
         poses = as_points(pose, 6, "pose")
         if poses.ndim != 2 or len(poses) == 0:
             raise ValueError(f"pose has shape {poses.shape}: expected (n, 6) with n >= 1")
-        if self.client.physics_hz != self.parameters.physics_hz:
-            raise ValueError(
-                f"the client runs at {self.client.physics_hz} Hz, the machine's parameters say "
-                f"{self.parameters.physics_hz} Hz: give the machine no client, or one of its own rate"
-            )
+        self._require_rate()
         self._require_reach(poses)
         targets = self.parameters.mechanism.inverse(poses)
         quaternions = from_euler(poses[:, 3:])
@@ -213,25 +201,6 @@ class PrrsMachine:
         """The driven joints (6,) as they stand, in the mechanism's order."""
         values = dict(zip(self._machine.joints, self._machine.joint_positions().tolist(), strict=True))
         return np.array([values[name] for name in MOTORS])
-
-    def close(self) -> None:
-        """Leave the world: close it if it is the machine's own, else remove the bodies. Again does nothing."""
-        if self._open and not self.client.closed:
-            if self._owns_client:
-                self.client.close()
-            else:
-                self._machine.remove()
-        self._open = False
-
-    def __enter__(self: Machine) -> Machine:
-        """Return the machine itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
 
     def _fixtures(self, paths: dict[str, Path]) -> list[Body]:
         """Further bodies of the machine, which do not move; ``paths`` are its URDFs by their stem."""

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
 from ..motion import Gate
-from .assets import asset_path
 from .client import PhysicsClient, pybullet
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
+from .machine import LoopMachine, urdf_file
 from .transplanter_model import (
     FINGER_STROKE_M,
     LOOKS_ASSET,
@@ -36,9 +31,6 @@ _DRIVEN = [JOINTS.index(name) for name in MOTORS]
 
 _SOLVER_ITERATIONS = 12
 """Two closures on light links: more sweeps change the tracking error by less than 0.01 mm."""
-
-START_TOLERANCE_M = 0.003
-"""How far a commanded trajectory may start from where the machine stands; a jump could flip the five-bar over."""
 
 
 @dataclass(frozen=True)
@@ -66,16 +58,16 @@ class GateReport:
     measured: bool
 
 
-class TransplanterMachine:
+class TransplanterMachine(LoopMachine):
     """Two two-link legs and a level platform with a gripper, closed by two point-to-point constraints.
 
     Tool positions are (x, y) of ``TranslationalFiveBar``. The arm's plane stands across the conveyors at x = 0 of the
     world: the mechanism's x is the world's y, its y is the height over the motor axes.
 
-    Attributes:
-        parameters: the numbers that it was built from.
-        client: the world that it lives in; it holds nothing else unless it was lent.
+    Attributes as ``LoopMachine``.
     """
+
+    parameters: TransplanterParameters
 
     def __init__(
         self,
@@ -92,17 +84,16 @@ class TransplanterMachine:
             looks: build the machine that is only placed, with everything that can be seen, instead of the one that is
                 stepped.
         """
-        self.parameters = parameters or TransplanterParameters()
-        self._owns_client = client is None
-        self.client = client or PhysicsClient(self.parameters.physics_hz, solver_iterations=_SOLVER_ITERATIONS)
-        self._open, self._looks = True, looks
+        super().__init__(parameters or TransplanterParameters(), client, solver_iterations=_SOLVER_ITERATIONS)
+        self._looks = looks
         p = self.parameters
         closures = [
             Closure(f"forearm{leg}", (0.0, p.arm.forearm_m, 0.0), "platform", (0.0, side * p.half_platform_m, 0.0))
             for leg, side in ((1, 1.0), (2, -1.0))
         ]
         motors = [Motor(name, p.torque_limit_n_m) for name in MOTORS]
-        with _urdf_file(p, looks) as path:
+        shipped = (LOOKS_ASSET if looks else PHYSICS_ASSET) if p == TransplanterParameters() else None
+        with urdf_file(shipped, lambda: transplanter_robot(p, looks=looks).to_xml()) as path:
             self._machine = ClosedLoopMachine(
                 self.client, [Body("transplanter", path)], [] if looks else closures, motors, visuals=looks
             )
@@ -114,11 +105,6 @@ class TransplanterMachine:
         self._platform = next(info[0] for info in infos if info[12] == b"platform")
         (left, bottom), (right, _) = p.arm.window_m
         self.reset([0.5 * (left + right), bottom])
-
-    @property
-    def body_id(self) -> int:
-        """PyBullet's number of the machine's body."""
-        return self._machine.body_ids["transplanter"]
 
     def place(self, tool: ArrayLike, opening: float = 1.0) -> None:
         """Put all joints where the kinematics says, at rest, without stepping: for rendering.
@@ -182,12 +168,7 @@ class TransplanterMachine:
         """
         tools = self._trajectory(tool)
         targets = self._joints(tools)[:, _DRIVEN]
-        jump = float(np.linalg.norm(tools[0] - self.tool()))
-        if jump > START_TOLERANCE_M:
-            raise ValueError(
-                f"the trajectory starts {1e3 * jump:.1f} mm from where the tool stands; at most "
-                f"{1e3 * START_TOLERANCE_M:.0f} mm is allowed: start at the last commanded position or call reset()"
-            )
+        self._require_start(float(np.linalg.norm(tools[0] - self.tool())))
         tracking, closure = [0.0], [0.0]
         torques: list[Array] = []
 
@@ -223,36 +204,13 @@ class TransplanterMachine:
         point = self._machine.point("platform")
         return np.array([point[1], point[2] - self.parameters.motor_height_m])
 
-    def close(self) -> None:
-        """Leave the world: close it if it is the machine's own, else remove the bodies. Again does nothing."""
-        if self._open and not self.client.closed:
-            if self._owns_client:
-                self.client.close()
-            else:
-                self._machine.remove()
-        self._open = False
-
-    def __enter__(self) -> TransplanterMachine:
-        """Return the machine itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
-
     def _trajectory(self, tool: ArrayLike) -> Array:
         tools = as_points(tool, 2, "tool")
         if tools.ndim != 2 or len(tools) == 0:
             raise ValueError(f"tool has shape {tools.shape}: expected (n, 2), n >= 1")
         if self._looks:
             raise ValueError("this machine is only for looks: make one without looks=True to step it")
-        if self.client.physics_hz != self.parameters.physics_hz:
-            raise ValueError(
-                f"the client runs at {self.client.physics_hz} Hz, the machine's parameters say "
-                f"{self.parameters.physics_hz} Hz: give TransplanterMachine no client, or one of its own rate"
-            )
+        self._require_rate()
         return tools
 
     def _joints(self, tools: Array) -> Array:
@@ -289,19 +247,3 @@ def measure_tracking(
         machine.reset(positions[0])
         machine.carry(payload_kg)
         return machine.run(positions, measure=True)
-
-
-@contextmanager
-def _urdf_file(parameters: TransplanterParameters, looks: bool) -> Iterator[Path]:
-    """The shipped URDF where the parameters are the shipped ones, else one written for the moment."""
-    if parameters == TransplanterParameters():
-        with asset_path(LOOKS_ASSET if looks else PHYSICS_ASSET) as path:
-            yield path
-        return
-    handle, name = tempfile.mkstemp(suffix=".urdf", prefix="fieldgym-transplanter-")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(transplanter_robot(parameters, looks=looks).to_xml())
-        yield Path(name)
-    finally:
-        os.unlink(name)

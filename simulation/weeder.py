@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
-from .assets import asset_path
 from .client import PhysicsClient, pybullet
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
+from .machine import LoopMachine, urdf_file
 from .weeder_model import WEEDER_ASSET, WeederParameters, weeder_robot
 
 Array = NDArray[np.float64]
@@ -25,9 +20,6 @@ MOTORS = ("cart", "leg1", "leg2", "leg3", "leg4")
 JOINTS = ("cart", *(f"{kind}{leg}" for leg in (1, 2, 3) for kind in ("swing", "tilt", "leg")), "swing4", "leg4")
 JOINTS = (*JOINTS, "nod", "roll")
 _DRIVEN = [JOINTS.index(name) for name in MOTORS]
-
-START_TOLERANCE_M = 0.003
-"""How far a commanded trajectory may start from where the platform stands."""
 
 
 @dataclass
@@ -49,16 +41,16 @@ class WeederReport:
     beam: Array = field(repr=False)
 
 
-class WeederMachine:
+class WeederMachine(LoopMachine):
     """The weeder: cart, three UPS legs and the RPU leg with the platform, closed by three point-to-point constraints.
 
     Poses are the mechanism's (x, z, alpha, beta), see ``ThreeUPSRPU``; it hangs under the cart with its X along the
     direction of travel and its Z down. The world has x along the row, y across, z up, ground at z = 0.
 
-    Attributes:
-        parameters: the numbers that it was built from.
-        client: the world that it lives in.
+    Attributes as ``LoopMachine``.
     """
+
+    parameters: WeederParameters
 
     def __init__(
         self,
@@ -74,25 +66,18 @@ class WeederMachine:
             client: a world to build in; the machine makes its own, and closes it, where this is left out.
             visuals: load what can be seen; by default only into a world that was lent, or has a window.
         """
-        self.parameters = parameters or WeederParameters()
-        self._owns_client = client is None
-        self.client = client or PhysicsClient(self.parameters.physics_hz)
-        self._open = True
+        super().__init__(parameters or WeederParameters(), client)
         mechanism = self.parameters.mechanism
         tips = [tuple(float(v) for v in joint) for joint in mechanism.attachments.platform]
         closures = [Closure(f"rod{leg}", (0.0, 0.0, 0.0), "platform", tips[leg - 1]) for leg in (1, 2, 3)]  # type: ignore[arg-type]
         force = self.parameters.leg_force_limit_n
         motors = [Motor("cart", self.parameters.cart_force_limit_n), *(Motor(name, force) for name in MOTORS[1:])]
-        shown = (not self._owns_client or self.client.gui) if visuals is None else visuals
-        with _urdf_file(self.parameters) as path:
+        shown = self._shown(visuals)
+        shipped = WEEDER_ASSET if self.parameters == WeederParameters() else None
+        with urdf_file(shipped, lambda: weeder_robot(self.parameters).to_xml()) as path:
             self._machine = ClosedLoopMachine(self.client, [Body("weeder", path)], closures, motors, visuals=shown)
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, mechanism.home_pose)
-
-    @property
-    def body_id(self) -> int:
-        """PyBullet's number of the machine's body."""
-        return self._machine.body_ids["weeder"]
 
     def place(self, cart_x_m: float, pose: ArrayLike) -> None:
         """Put all joints where the kinematics says, at rest, without stepping: for rendering."""
@@ -126,7 +111,7 @@ class WeederMachine:
             on_step: called after every step with the number of the row that was reached.
 
         Raises:
-            ValueError: shapes do not fit, or the first row is elsewhere.
+            ValueError: shapes do not fit, the first row is elsewhere, or the client runs at another rate.
         """
         carts, poses = np.asarray(cart, dtype=np.float64), as_points(pose, 4, "pose")
         if carts.ndim != 1 or poses.shape != (len(carts), 4) or len(carts) == 0:
@@ -134,12 +119,8 @@ class WeederMachine:
         lengths = self.parameters.mechanism.inverse(poses)
         targets = np.concatenate([carts[:, None], lengths], axis=1)
         wanted = np.array([carts[0] + poses[0, 0], 0.0, self.parameters.base_height_m - poses[0, 1]])
-        jump = float(np.linalg.norm(self.platform_world() - wanted))
-        if jump > START_TOLERANCE_M:
-            raise ValueError(
-                f"the trajectory starts {1e3 * jump:.1f} mm from where the platform stands; at most "
-                f"{1e3 * START_TOLERANCE_M:.0f} mm is allowed: start at the last commanded pose or call reset()"
-            )
+        self._require_rate()
+        self._require_start(float(np.linalg.norm(self.platform_world() - wanted)))
         last = len(carts) - 1
         rows = np.zeros(len(carts), bool) if look is None else np.asarray(look, bool).copy()
         rows[last] = True
@@ -168,25 +149,6 @@ class WeederMachine:
         ray = ahead - centre
         return (centre + (height_m - centre[2]) / ray[2] * ray)[:2]
 
-    def close(self) -> None:
-        """Leave the world: close it if it is the machine's own, else remove the bodies. Again does nothing."""
-        if self._open and not self.client.closed:
-            if self._owns_client:
-                self.client.close()
-            else:
-                self._machine.remove()
-        self._open = False
-
-    def __enter__(self) -> WeederMachine:
-        """Return the machine itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
-
     def _joints(self, carts: Array, poses: Array) -> Array:
         """All joint positions (n, 14) in the order of ``JOINTS``."""
         if not np.all(np.isfinite(poses)) or not np.all(np.isfinite(carts)):
@@ -200,19 +162,3 @@ class WeederMachine:
         angles = mechanism.rpu_angles(poses)
         columns += [angles[:, 0], chains.length[:, 3], angles[:, 1], angles[:, 2]]
         return np.stack(columns, axis=-1)
-
-
-@contextmanager
-def _urdf_file(parameters: WeederParameters) -> Iterator[Path]:
-    """The shipped URDF where the parameters are the shipped ones, else one written for the moment."""
-    if parameters == WeederParameters():
-        with asset_path(WEEDER_ASSET) as path:
-            yield path
-        return
-    handle, name = tempfile.mkstemp(suffix=".urdf", prefix="fieldgym-weeder-")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(weeder_robot(parameters).to_xml())
-        yield Path(name)
-    finally:
-        os.unlink(name)
