@@ -71,7 +71,7 @@ def measure(tier: str, strips: int) -> Strips:
     weeds, sightings, after = [], [], []
     false: list[list[tuple[float, ...]]] = [[], [], []]
     crops, area = 0, 0.0
-    counts = dict.fromkeys(("pictures", "truth", "plants", "hits", "crop_as_weed"), 0)
+    counts: dict[str, int] = dict.fromkeys(("pictures", "truth", "plants", "hits", "crop_as_weed"), 0)
     for strip in range(strips):
         core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(FIRST_SEED + strip)])
         scene = view.camera_scene()

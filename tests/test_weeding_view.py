@@ -1,0 +1,257 @@
+"""The weeder's cameras on rendered strips, their tracks in the rules, the statistical cameras, pictures for people."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import fieldgym  # noqa: F401
+from fieldgym.envs.weeding.config import SCENARIOS, CartConfig, PerceptionModel, WeedingConfig
+from fieldgym.envs.weeding.executor import weeder_parameters
+from fieldgym.envs.weeding.scenario import (
+    FAR_M,
+    draw_blocks,
+    draw_plants,
+    draw_tracks,
+    nearest_crop,
+    nearest_weed,
+    random_numbers,
+    track_capacity,
+    track_chance,
+)
+from fieldgym.envs.weeding.scene import WeederScene
+from fieldgym.envs.weeding.view import TOOL_SETTINGS
+from fieldgym.perception.weeds import detect_seedlings
+from fieldgym.scripts.measure_weed_cameras import factors, kept, match
+
+SCENARIO = SCENARIOS["load-1.0"]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    config = WeedingConfig()
+    made = WeederScene(config, weeder_parameters(config), machine=False)
+    yield made
+    made.close()
+
+
+def show(scene, weeds, crop=((5.0, 0.0),)):
+    """Put weeds (x, y, species, stage) and crop plants into a scene."""
+    table = np.array(weeds, float).reshape(-1, 4)
+    kinds = table[:, 2:].astype(np.int64)
+    scene.load(table[:, :2], kinds[:, 0], kinds[:, 1], np.linspace(0.1, 0.9, len(table)), np.array(crop), 7)
+
+
+def look(scene, cart_m=-0.85):
+    frame = scene.look_front(cart_m)
+    return detect_seedlings(frame.rgb, frame.camera.intrinsics, frame.camera.world_from_camera)
+
+
+KINDS = [(x, y, s, g) for s, y in ((0, 0.11), (1, -0.11)) for g, x in ((0, -0.1), (1, 0.0), (2, 0.1))]
+
+
+def test_the_front_camera_sees_each_kind_of_weed_for_what_it_is_and_where_it_stands(scene):
+    show(scene, KINDS)
+    found = look(scene)
+    for x, y, species, stage in KINDS:
+        gap = np.hypot(*(found.position - [x, y]).T)
+        nearest = int(gap.argmin())
+        assert gap[nearest] < 0.0035
+        assert (found.species[nearest], found.stage[nearest]) == (species, stage)
+    assert not found.crop.any()
+
+
+def test_a_weed_beside_a_crop_plants_leaves_is_seen_and_the_crop_plant_is_one(scene):
+    show(scene, [(0.0, 0.062, 0, 1)], crop=[(0.0, 0.0)])
+    found = look(scene)
+    assert found.crop.sum() == 1
+    assert np.hypot(*found.position[found.crop][0]) < 0.012
+    weeds = found.position[~found.crop]
+    assert np.hypot(*(weeds - [0.0, 0.062]).T).min() < 0.008
+
+
+def test_the_same_place_gives_the_same_picture_whatever_was_looked_at_before(scene):
+    show(scene, KINDS)
+    before = look(scene)
+    look(scene, 2.0)
+    assert np.array_equal(before.position, look(scene).position)
+
+
+def test_the_tool_camera_finds_the_stem_within_its_gate(scene):
+    show(scene, KINDS)
+    reach = scene.config.reach
+    for x, y, species, stage in KINDS:
+        told = np.array([x + 0.007, y - 0.002])
+        centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
+        frame = scene.look_tool(centre, told)
+        camera = frame.camera
+        found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera, settings=TOOL_SETTINGS)
+        assert np.hypot(*(found.position - [x, y]).T).min() < 0.003, (species, stage)
+
+
+@pytest.fixture(scope="module")
+def env():
+    made = gym.make(
+        "fieldgym/LaserWeeding-v0", backend="analytic", perception="camera", render_mode="rgb_array"
+    ).unwrapped
+    yield made
+    made.close()
+
+
+@pytest.mark.slow
+def test_camera_tracks_reach_the_rules_and_shots_are_corrected_and_not_repeated(env):
+    _, info = env.reset(seed=4)
+    state = env.core.state
+    shots = []
+    for _ in range(200):
+        # The first candidate that can be reached, at its lowest dose; else wait.
+        action = int(info["action_mask"].argmax())
+        slot = action // 3
+        track = int(state.slot_track[0, slot]) if slot < env.core.config.slots else -1
+        _, _, over, cut, info = env.step(action)
+        if track >= 0:
+            shots.append(state.track_aim[0, track].copy())
+            assert track not in state.slot_track[0]
+        if over or cut or len(shots) == 4:
+            break
+    assert len(shots) == 4
+    truth = state.plant[0, : env.core.weeds_end]
+    error = [np.hypot(*(truth - shot).T).min() for shot in shots]
+    assert np.median(error) < 0.003
+
+
+@pytest.mark.slow
+def test_one_seed_is_one_sequence_of_observations(env):
+    def run():
+        observation, info = env.reset(seed=11)
+        seen = [observation["candidates"]]
+        for _ in range(12):
+            observation, *_, info = env.step(int(info["action_mask"].argmax()))
+            seen.append(observation["candidates"])
+        return np.array(seen)
+
+    assert np.array_equal(run(), run())
+
+
+@pytest.mark.slow
+def test_pictures_show_the_field_the_front_camera_and_the_gauge(env):
+    _, info = env.reset(seed=4)
+    first = env.render()
+    assert first.shape == (480, 720, 3) and first.dtype == np.uint8
+    wait = env.core.base_actions - 1
+    while int(info["action_mask"].argmax()) == wait:
+        *_, info = env.step(wait)
+    frames = []
+    env.record(frames.append, 4.0)
+    try:
+        *_, info = env.step(int(info["action_mask"].argmax()))
+    finally:
+        env.record(None)
+    assert info["scorecard"]["shots"] == 1.0
+    assert len(frames) == np.ceil(4.0 * sum(info["phases_s"].values()))
+    assert all(frame.shape == first.shape for frame in frames)
+    # White frames about the small pictures; the green gauge.
+    assert np.array_equal(frames[-1][8, -20], [245, 245, 245])
+    assert np.abs(frames[-1].astype(int) - first).mean() > 1.0
+
+
+def drawn(perception, worlds=200):
+    generators = [np.random.default_rng(seed) for seed in range(worlds)]
+    blocks = draw_blocks(generators, random_numbers(SCENARIO, perception))
+    plants = draw_plants(SCENARIO, blocks[0], blocks[1])
+    return plants, draw_tracks(SCENARIO, CartConfig(), perception, plants, blocks[2], blocks[3])
+
+
+def test_perfect_perception_reports_every_weed_where_and_what_it_is():
+    plants, tracks = drawn(PerceptionModel.perfect(), 20)
+    assert np.array_equal(tracks.count, plants.exists.sum(axis=1))
+    for row in range(20):
+        n = tracks.count[row]
+        assert np.allclose(tracks.report[row, :n], plants.weed[row, :n])
+        assert np.array_equal(tracks.aim[row, :n], tracks.report[row, :n])
+        assert np.array_equal(tracks.species[row, :n], plants.species[row, :n])
+        assert np.array_equal(tracks.stage[row, :n], plants.stage[row, :n])
+        assert np.all(tracks.report[row, n:] == FAR_M)
+
+
+def test_the_model_finds_as_many_weeds_as_its_chances_say():
+    model = replace(PerceptionModel.measured(), false_rates=(0.0, 0.0, 0.0))
+    plants, tracks = drawn(model)
+    gaps = nearest_crop(SCENARIO, plants.crop, plants.weed), nearest_weed(plants.weed)
+    chance = np.where(plants.exists, track_chance(model, plants.species, plants.stage, *gaps), 0.0)
+    assert np.all((chance >= 0.0) & (chance <= 1.0))
+    spread = np.sqrt((chance * (1.0 - chance)).sum())
+    # A few tracks end outside the treated band: they are not reported.
+    assert tracks.count.sum() == pytest.approx(chance.sum(), abs=4.0 * spread + 0.02 * chance.sum())
+    assert tracks.count.max() <= track_capacity(SCENARIO, model)
+
+
+def test_false_tracks_come_at_their_rates():
+    model = replace(PerceptionModel.measured(), recall=((0.0,) * 3,) * 2, false_rates=(0.05, 0.02, 1.0))
+    _, tracks = drawn(model, 400)
+    area = SCENARIO.strip_m * SCENARIO.band_m
+    mean = 0.05 * SCENARIO.density_per_m2 * area + 0.02 * (SCENARIO.crops - 3) + area
+    assert not tracks.real.any()
+    assert tracks.count.mean() == pytest.approx(mean, rel=0.08)
+
+
+def test_reports_lie_in_order_within_the_band_and_are_known_before_the_window():
+    _, tracks = drawn(PerceptionModel.measured(), 50)
+    for row in range(50):
+        n = tracks.count[row]
+        assert np.all(np.diff(tracks.report[row, :n, 0]) >= 0.0)
+        assert np.all(np.diff(tracks.line[row, :n, 1]) >= 0.0)
+        assert np.all(np.abs(tracks.report[row, :n, 1]) <= 0.5 * SCENARIO.band_m)
+        assert np.all(np.isnan(tracks.line[row, n:]))
+
+
+def test_nearest_weed_is_brute_force():
+    rng = np.random.default_rng(3)
+    weed = rng.uniform([0.0, -0.2], [2.0, 0.2], (4, 40, 2))
+    weed = np.take_along_axis(weed, np.argsort(weed[..., 0], axis=1)[..., None], axis=1)
+    gap = np.hypot(*(weed[:, :, None] - weed[:, None]).transpose(3, 0, 1, 2)) + 9.0 * np.eye(40)
+    assert np.allclose(nearest_weed(weed, 40), gap.min(axis=2))
+    # What stands within 2 cm is found although only the next six along are looked at.
+    near = gap.min(axis=2) < 0.02
+    assert np.allclose(nearest_weed(weed)[near], gap.min(axis=2)[near])
+
+
+def test_an_empty_class_of_sightings_is_refused():
+    with pytest.raises(ValueError, match="every class"):
+        _ = replace(PerceptionModel.perfect(), false_sightings=((), (), ())).false_table
+
+
+def test_tracks_and_weeds_are_matched_one_to_one_nearest_first():
+    truth = np.array([[0.0, 0.0], [0.012, 0.0]])
+    assert sorted(match(np.array([[0.005, 0.0], [0.001, 0.0]]), truth)) == [(0, 1), (1, 0)]
+    assert match(np.array([[0.1, 0.0]]), truth) == []
+
+
+def test_fitted_factors_predict_as_many_hits_in_each_bin_as_there_were():
+    rng = np.random.default_rng(1)
+    kind, gap = rng.integers(0, 6, 4000), rng.integers(0, 3, 4000)
+    true = np.linspace(0.6, 0.9, 6)[kind] * np.array([0.3, 0.7, 1.0])[gap]
+    found = rng.random(4000) < true
+    chance = factors((kind, gap), (6, 3), found)
+    product = chance[0][kind] * chance[1][gap]
+    for values in (0, 1, 2):
+        assert product[gap == values].sum() == pytest.approx(found[gap == values].sum(), rel=0.03)
+    assert chance[1] == pytest.approx([0.3, 0.7, 1.0], abs=0.05)
+    assert chance[1][-1] == 1.0
+
+
+def test_kept_sightings_are_a_fixed_sample_and_never_none():
+    rows = np.arange(700.0).reshape(100, 7)
+    sample = kept(rows, np.random.default_rng(0))
+    assert sample == kept(rows, np.random.default_rng(0))
+    assert 0 < len(sample) < 100 and all(row in rows.tolist() for row in sample)
+    assert kept(np.zeros((0, 7)), np.random.default_rng(0)) == [[0.0] * 7]
+
+
+def test_the_shipped_fit_names_what_it_was_measured_on():
+    model = PerceptionModel.measured()
+    assert len(model.sightings) == 12 and len(model.false_sightings) == 3
+    for row in model.sighting_table.rows:
+        assert np.hypot(row[0], row[1]) < 0.02
+        assert row[4] in (0.0, 1.0) and row[5] in (0.0, 1.0) and row[6] in (0.0, 1.0, 2.0)
