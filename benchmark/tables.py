@@ -203,7 +203,7 @@ def verdicts(rows: Iterable[Row]) -> list[str]:
             if name in best.gaps and math.isfinite(best.gaps[name].value):
                 gap = f"gap to the bound {_interval(best.gaps[name], scale, digits)}{' points' if scale > 1.0 else ''}"
             else:
-                gap = "no bound known"
+                gap = "no bound at hand"
             lines.append(f"{group}: best {what} {own} by {best.policy}, {gap}")
         for row in policies:
             told = {rule: item for rule, item in row.over_rules.items() if math.isfinite(item.low)}

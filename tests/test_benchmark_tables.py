@@ -157,7 +157,7 @@ def test_a_learned_policy_is_compared_with_every_rule():
     assert rows["swift"].over_rules == {}
     told = "\n".join(tables.verdicts(rows.values()))
     assert "learned is better than every rule in return" in told
-    assert "best return 7.500 by learned, no bound known" in told
+    assert "best return 7.500 by learned, no bound at hand" in told
     worse = [{**each, "return": 5.0} if each["policy"] == "learned" and each["seed"] < 6 else each for each in records]
     assert "learned is not better than every rule" in "\n".join(tables.verdicts(tables.summarise(worse, CASES)))
 
