@@ -15,7 +15,7 @@ from ..envs.compiled import by_kind, compiled
 
 Array = NDArray[np.float64]
 
-MOST_CANDIDATES = 62
+MOST_CANDIDATES = 64
 """Candidates that a sequence can keep apart: a bit each."""
 NOTHING = -1
 """Answer of the search where no sequence is as good as none."""
