@@ -20,6 +20,10 @@ __all__ = ["METHODS", "Bound", "Instance", "bounded_ids", "instance"]
 _TASKS = {
     "fieldgym/SafflowerPicking-v0": "safflower",
     "fieldgym/TrayTransplanting-v0": "transplanting",
+    "fieldgym/ProduceSorting-v0": "sorting",
+    "fieldgym/LaserWeeding-v0": "weeding",
+    "fieldgym/LaserWeedingSpeed-v0": "weeding",
+    "fieldgym/HoeWeeding-v0": "weeding",
 }
 
 _UNDRIVEN = ("safflower",)

@@ -143,7 +143,8 @@ class TrayInstance:
 
     def _handle_s(self, count: int) -> Array:
         process = self.config.process
-        return (process.grip_s + process.release_s) * np.arange(count + 1) + self.shares.once_s
+        once: float = process.grip_s + process.release_s
+        return once * np.arange(count + 1, dtype=np.float64) + self.shares.once_s
 
     def _least_s(self, count: int, again: float = math.inf) -> Array:
         """Seconds (count + 1,) until 0 ... ``count`` plugs are planted; infinite where there are not as many."""
