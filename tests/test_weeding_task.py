@@ -128,6 +128,31 @@ def test_an_illegal_shot_costs_time_and_nothing_else():
     assert core.state.totals[0, 3] == 1.0
 
 
+def test_tracks_of_a_camera_stay_listed_until_they_leave_and_end_the_strip():
+    core = laser_core(WeedingConfig(), None)
+    core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(0)])
+    wait = 3 * core.config.slots
+    cart = core.config.scenario.strip_m - core.config.cart.unseen_m + 0.05
+    core.state.place[0, 0] += cart - core.state.cart[0]
+    core.state.cart[0] = cart
+    report = np.array([[cart + 0.4, 0.0], [cart - core.machine.front_m - 0.01, 0.0], [cart + 0.3, 0.1]])
+    kinds = np.zeros(3, np.int64)
+
+    def receive():
+        core.receive(0, report, kinds, kinds, np.ones(3), np.zeros(3, bool))
+
+    receive()
+    assert core.state.slot_track[0, :3].tolist() == [2, 0, core.capacity]
+    over, waits = False, 0
+    while not over:
+        # The camera's view has left the strip, but what it has seen is still to come.
+        assert core.state.slot_track[0, 0] != core.capacity
+        over = bool(act(core, wait)[1].terminated[0])
+        receive()
+        waits += 1
+    assert core.state.cart[0] == pytest.approx(cart + 0.4 + core.machine.front_m, abs=0.02) and waits > 10
+
+
 def test_slots_are_in_the_order_of_leaving_and_move_up():
     core = toy([(0.02 * i, 0.0) for i in range(30)], slots=4)
     assert core.state.slot_track[0].tolist() == [0, 1, 2, 3]
