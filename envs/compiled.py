@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -30,8 +30,18 @@ def compiled(function: Function) -> Function:
         return function
     dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
     # Numba renews kept machine code when the function's own file has changed. What it calls stands in other files too.
-    dispatcher._cache._cache_file._source_stamp = _stamp(Path(inspect.getfile(function)).parent)
+    kept = dispatcher._cache._cache_file
+    kept._source_stamp = _stamp(Path(inspect.getfile(function)).parent)
+    kept._load_index = partial(_readable, kept._load_index)
     return dispatcher
+
+
+def _readable(load_index: Callable[[], dict[Any, str]]) -> dict[Any, str]:
+    """What is kept of a kernel; nothing where some of it was compiled for a type that this process cannot import."""
+    try:
+        return load_index()
+    except (ImportError, AttributeError):
+        return {}
 
 
 @cache
