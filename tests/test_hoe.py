@@ -25,7 +25,7 @@ from fieldgym.envs.weeding.hoe import (
     uproot_probability,
 )
 from fieldgym.envs.weeding.hoe_config import HoeProcessConfig, HoeReach, HoeWeedingConfig, circle_s
-from fieldgym.envs.weeding.hoe_executor import check_reach, hoe_parameters, tip_way
+from fieldgym.envs.weeding.hoe_executor import check_reach, hoe_parameters, poses, tip_way
 from fieldgym.envs.weeding.rules import NOTHING, WAIT
 from fieldgym.envs.weeding.scenario import PAD
 from fieldgym.envs.weeding.task import WeedingCore
@@ -382,3 +382,25 @@ def test_reach_of_a_stir_is_where_its_dose_ends():
         assert dose(work, mode, work.reach_m + 1e-9, 0.0, kind) == 0.0
         assert dose(work, mode, 0.0, 0.0, kind) == pytest.approx(HOE.depth_m[mode])
     assert dose(work, DEEP, 0.6 * work.reach_m, 0.0, 2) > 0.0
+
+
+def test_every_motion_that_the_rules_plan_is_within_every_limit_all_the_way():
+    """What the machine is commanded at 240 Hz, over strips of random legal decisions, on the fastest tier too."""
+    least, seen = np.inf, 0
+    for scenario in ("load-1.0", "load-1.6"):
+        env: Any = gym.make(ENV_ID, backend="analytic", scenario=scenario, perception="perfect")
+        _, info = env.reset(seed=3)
+        core = env.unwrapped.core
+        parameters = hoe_parameters(core.config)
+        rng = np.random.default_rng(0)
+        for _ in range(200):
+            # Waiting is rare: the blade is where motions begin and end far apart.
+            options = np.flatnonzero(info["action_mask"])
+            action = int(rng.choice(options[:-1] if len(options) > 1 else options))
+            plan = core.plan(np.array([action]))
+            time = np.arange(0.0, float(plan.phases_s.sum()), 1.0 / 240.0)
+            pose = poses(parameters, tip_way(HOE, plan, plan.phases_s, time), plan.cart[0] + plan.speed[0, 0] * time)
+            least = min(least, min(float(values.min()) for values in parameters.mechanism.margins(pose).values()))
+            seen += plan.kind[0] < WAIT
+            info = env.step(action)[-1]
+    assert least > 0.0 and seen > 100
