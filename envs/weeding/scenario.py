@@ -212,46 +212,60 @@ def draw_tracks(
     """What the statistical cameras make of R worlds, from random blocks (R, .) of their own."""
     u = _Block(uniform)
     n = plants.exists.shape[1]
-    crop_gap, weed_gap = nearest_crop(scenario, plants.crop, plants.weed), nearest_weed(plants.weed)
-    recall = track_chance(perception, plants.species, plants.stage, crop_gap, weed_gap)
-    seen = plants.exists & (u.take(n) < recall)
-    crowded = is_crowded(perception, crop_gap, weed_gap)
-    kind = 6 * crowded + 3 * plants.species + plants.stage
-    sighting = _draw_sightings(perception.sighting_table, kind, u.take(n))
+    chances, lots = u.take(n), u.take(n)
+    false_place, false_there, false_sighting = _draw_false(scenario, perception, plants, u)
+    # Strips are far from full: what does not exist lies at the end and is not worked through.
+    used = max(int(np.count_nonzero(plants.exists, axis=1).max()), 1)
+    weed, species, stage = plants.weed[:, :used], plants.species[:, :used], plants.stage[:, :used]
+    crop_gap, weed_gap = nearest_crop(scenario, plants.crop, weed), nearest_weed(weed)
+    seen = chances[:, :used] < track_chance(perception, species, stage, crop_gap, weed_gap)
+    kind = 6 * is_crowded(perception, crop_gap, weed_gap) + 3 * species + stage
+    sighting = _draw_sightings(perception.sighting_table, kind, lots[:, :used])
 
-    owner, there, false_sighting = _draw_false(scenario, perception, plants, u)
-    place = np.concatenate([plants.weed, owner], axis=1)
+    place = np.concatenate([weed, false_place], axis=1)
     sighting = np.concatenate([sighting, false_sighting], axis=1)
-    there = np.concatenate([seen, there], axis=1)
+    there = np.concatenate([seen & plants.exists[:, :used], false_there], axis=1)
     # From the front camera's view to the tool the odometry carries a track along the strip.
     report = place + sighting[..., 0:2]
     report[..., 0] += cart.unseen_m * perception.drift_share * normal
     aim = np.where(sighting[..., 4:5] > 0.0, place + sighting[..., 2:4], report)
     there &= np.abs(report[..., 1]) <= 0.5 * scenario.band_m
-    gap = np.concatenate([crop_gap, nearest_crop(scenario, plants.crop, report[:, n:])], axis=1)
+    gap = np.concatenate([crop_gap, nearest_crop(scenario, plants.crop, report[:, used:])], axis=1)
 
-    order = np.argsort(np.where(there, report[..., 0], FAR_M), axis=1, kind="stable")
+    count = np.count_nonzero(there, axis=1)
+    order = np.argsort(np.where(there, report[..., 0], FAR_M), axis=1, kind="stable")[:, : count.max()]
     there = np.take_along_axis(there, order, axis=1)
+    shape = len(uniform), track_capacity(scenario, perception)
 
-    def pick(values: NDArray[Any]) -> NDArray[Any]:
-        return np.take_along_axis(values, order, axis=1)
+    def pick(values: NDArray[Any], empty: float) -> NDArray[Any]:
+        full = np.full(shape + values.shape[2:], empty, values.dtype)
+        if values.ndim == 3:
+            full[:, : order.shape[1]] = np.where(
+                there[..., None], np.take_along_axis(values, order[..., None], axis=1), empty
+            )
+        else:
+            full[:, : order.shape[1]] = np.where(there, np.take_along_axis(values, order, axis=1), empty)
+        return full
 
-    def pick2(values: Array) -> Array:
-        return np.where(there[..., None], np.take_along_axis(values, order[..., None], axis=1), FAR_M)
-
-    report, aim = pick2(report), pick2(aim)
-    along = report[..., 0]
-    known = along - cart.seen_ahead_m + perception.frames_m
+    report, aim = pick(report, FAR_M), pick(aim, FAR_M)
+    weeds = np.zeros(shape, np.int64)
+    weeds[:, : order.shape[1]] = neighbours(plants, aim[:, : order.shape[1], 0])
+    real = np.zeros(shape, bool)
+    real[:, : order.shape[1]] = there & (order < used)
+    line = np.full((*shape, 2), np.nan)
+    along = np.where(there, report[:, : order.shape[1], 0], np.nan)
+    line[:, : order.shape[1], 0] = along
+    line[:, : order.shape[1], 1] = along - cart.seen_ahead_m + perception.frames_m
     return Tracks(
         report=report,
         aim=aim,
-        weed=neighbours(plants, aim[..., 0]),
-        real=there & (order < n),
-        species=pick(sighting[..., 5]).astype(np.int64),
-        stage=pick(sighting[..., 6]).astype(np.int64),
-        line=np.where(there[..., None], np.stack([along, known], axis=-1), np.nan),
-        crop_gap_m=pick(gap),
-        count=np.count_nonzero(there, axis=1),
+        weed=weeds,
+        real=real,
+        species=pick(sighting[..., 5], 0.0).astype(np.int64),
+        stage=pick(sighting[..., 6], 0.0).astype(np.int64),
+        line=line,
+        crop_gap_m=pick(gap, 0.0),
+        count=count,
     )
 
 
