@@ -393,7 +393,7 @@ def test_every_motion_that_the_rules_plan_is_within_every_limit_all_the_way():
         core = env.unwrapped.core
         parameters = hoe_parameters(core.config)
         rng = np.random.default_rng(0)
-        for _ in range(200):
+        for _ in range(240):
             # Waiting is rare: the blade is where motions begin and end far apart.
             options = np.flatnonzero(info["action_mask"])
             action = int(rng.choice(options[:-1] if len(options) > 1 else options))
@@ -403,4 +403,5 @@ def test_every_motion_that_the_rules_plan_is_within_every_limit_all_the_way():
             least = min(least, min(float(values.min()) for values in parameters.mechanism.margins(pose).values()))
             seen += plan.kind[0] < WAIT
             info = env.step(action)[-1]
-    assert least > 0.0 and seen > 100
+    assert least > 0.0
+    assert seen > 100
