@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,10 +23,7 @@ from ...simulation.meshes import (
 from ...simulation.weeder import WeederMachine
 from ...simulation.weeder_model import WeederParameters
 from ..core import Array
-from .config import WeedingConfig
-
-if TYPE_CHECKING:
-    from .tool import FieldConfig
+from .config import FieldTask, WeedingConfig
 
 Quaternion = tuple[float, float, float, float]
 Rgba = tuple[float, float, float, float]
@@ -115,7 +110,7 @@ class FieldScene:
     side_view_rad = np.deg2rad(36.0)
     """How much they see from top to bottom."""
 
-    def __init__(self, config: FieldConfig, camera_height_m: float, physics_hz: float, *, window: bool = False):
+    def __init__(self, config: FieldTask, camera_height_m: float, physics_hz: float, *, window: bool = False):
         """Make the client and the pools."""
         self.config = config
         self._client = PhysicsClient(physics_hz, gui=window)

@@ -10,7 +10,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..core import COMMON_SCORES, Array, Rows, StepResult, TaskCore
-from .config import PerceptionModel
+from .config import FieldTask, PerceptionModel
 from .features import CANDIDATE_FEATURES, MACHINE_FEATURES, track_features
 from .rules import (
     BLOCKS,
@@ -24,12 +24,11 @@ from .rules import (
     apply_worlds,
     legal_option,
     move_up_rows,
-    observe_worlds,
     plan_worlds,
-    score_worlds,
 )
 from .scenario import FAR_M, PAD, crop_index, draw_blocks, draw_plants, draw_tracks, random_numbers, track_capacity
-from .tool import FieldConfig, WeedingProcess, ready
+from .showing import observe_worlds, score_worlds
+from .tool import WeedingProcess, ready
 
 REAL_M = 0.02
 """A camera's track has a weed behind it when one stands this near to where it is shot at."""
@@ -60,7 +59,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
 
     def __init__(
         self,
-        config: FieldConfig,
+        config: FieldTask,
         machine: Any,
         process: WeedingProcess,
         perception: PerceptionModel | None,
@@ -217,12 +216,12 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         """Which plants a shot at a track may reach; for scoring alone."""
         state = self.state
         along = state.track_aim[row, track, :1]
-        weeds = state.plant[row, PAD : self.weeds_end - PAD, 0]
-        nearest = int(np.argmin(np.abs(weeds - along)))
-        gap = state.plant[row, PAD + nearest] - state.track_aim[row, track]
+        weeds = state.plant[row, PAD : self.weeds_end - PAD]
+        nearest = int(np.argmin(np.abs(weeds[:, 0] - along)))
+        gap_m = np.hypot(*(weeds - state.track_aim[row, track]).T).min()
         crop = crop_index(self.config.scenario, along, self.config.scenario.crops)
         state.track_near[row, track] = nearest, int(crop[0])
-        state.track_real[row, track] = bool(np.hypot(*gap) < REAL_M)
+        state.track_real[row, track] = bool(gap_m < REAL_M)
 
     def plan(self, actions: NDArray[np.int64]) -> WeederPlan:
         """Turn actions (B,) into what the machine has to do."""

@@ -12,7 +12,7 @@ metres), what the tool leans or reaches beyond it along the row, and the tool's 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,10 @@ from numpy.typing import NDArray
 from ..compiled import bind, by_kind
 from ..core import Array
 
-if TYPE_CHECKING:
-    from .config import CartConfig, RewardWeights, ScenarioConfig
-
-__all__ = ["Approach", "Arm", "FieldConfig", "WeedingProcess", "Work", "approach", "bind", "dose", "move_time", "ready"]
-
+__all__ = ["Approach", "Arm", "Place", "WeedingProcess", "Work", "approach", "bind", "dose", "move_time", "ready"]
 
 Place = tuple[float, float, float]
+"""Carrier, lean and across, metres."""
 
 
 class Approach(NamedTuple):
@@ -106,45 +103,6 @@ class WeedingProcess(Protocol):
 
     def crop_tolerance(self, luck: Array) -> Array:
         """Dose (...) that kills each crop plant."""
-        ...
-
-
-class FieldConfig(Protocol):
-    """What the rules read of a configuration; the tool's own numbers come with the tool."""
-
-    @property
-    def scenario(self) -> ScenarioConfig:
-        """The kind of field."""
-        ...
-
-    @property
-    def cart(self) -> CartConfig:
-        """How the cart drives."""
-        ...
-
-    @property
-    def weights(self) -> RewardWeights:
-        """Of the reward's terms."""
-        ...
-
-    @property
-    def slots(self) -> int:
-        """Candidates shown at once."""
-        ...
-
-    @property
-    def speed_control(self) -> bool:
-        """Whether the action includes the cart's speed."""
-        ...
-
-    @property
-    def speed_m_s(self) -> float:
-        """The scenario's constant speed."""
-        ...
-
-    @property
-    def time_limit_s(self) -> float:
-        """Simulated seconds after which an episode is cut off."""
         ...
 
 
