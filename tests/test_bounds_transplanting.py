@@ -138,9 +138,9 @@ def test_the_simulated_machine_does_not_beat_the_bound():
 
 
 def test_a_bound_that_a_machine_beats_is_noticed():
-    """The check above can fail: a machine that grips at once, and every plug, beats the bound of an honest one."""
+    """The check above can fail: a machine that grips and releases in no time, and every plug, beats an honest bound."""
     config = TransplantingConfig()
-    cheating = replace(config, process=replace(config.process, grip_s=0.0, extraction=1.0))
+    cheating = replace(config, process=replace(config.process, grip_s=0.0, release_s=0.0, extraction=1.0))
     returns = evaluate(lambda env: make_policy("assignment", env), ID, SEEDS, config=cheating).returns
     honest = [bounds.instance(ID, seed, config=config).bound().episode_return for seed in SEEDS]
     assert max(returns - np.array(honest)) > 0.0

@@ -276,6 +276,8 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
         )
         speed[good & (source == HEALTHY)] = index
     cell = np.where(target == HEALTHY, SHUT, np.where(target == POOR, BLOCKED, OPEN))
+    # The same prices whatever the cameras report: so knowing the reports never makes a bound weaker.
+    prices = shares(table, config, speed, cell)
     if reports != "any":
         speed[state.source_reports[row, :rows_s] == EMPTY] = USELESS
         told = state.target_reports[row, :rows_t]
@@ -297,7 +299,7 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
         healthy=int(np.count_nonzero(target == HEALTHY)),
         source_s=ends[0],
         target_s=ends[1],
-        shares=shares(table, config, speed, cell),
+        shares=prices,
         longest_s=max(longest, float(max(times.max() for times in ends) + table.rise_s.max()), process.illegal_s),
         rise_s=float(table.rise_s[scenario.source.columns : table.cells].min()),
         table=table,
