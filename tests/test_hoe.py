@@ -405,3 +405,44 @@ def test_every_motion_that_the_rules_plan_is_within_every_limit_all_the_way():
             info = env.step(action)[-1]
     assert least > 0.0
     assert seen > 100
+
+
+def test_pictures_follow_the_blade_into_the_ground_and_show_what_it_did():
+    env: Any = gym.make(
+        ENV_ID, backend="analytic", perception="perfect", config=short_config(), render_mode="rgb_array"
+    )
+    _, info = env.reset(seed=0)
+    view = env.unwrapped.view
+    tips: list[float] = []
+    pictures: list[np.ndarray] = []
+    while not info["action_mask"][2]:
+        info = env.step(int(info["action_mask"].size - 1))[-1]
+
+    def keep(picture: np.ndarray) -> None:
+        pictures.append(picture)
+        tips.append(float(view._stage._machine.tip_world()[2]))
+
+    env.unwrapped.record(keep, 24.0)
+    env.step(DEEP)
+    env.unwrapped.record(None)
+    assert len(pictures) > 10 and pictures[0].shape[2] == 3
+    # Down to the depth, to what the raster of the pictures leaves of it, and up again.
+    assert min(tips) == pytest.approx(-HOE.depth_m[DEEP], abs=2e-3)
+    assert tips[0] == pytest.approx(HOE.clearance_m) and max(tips) <= HOE.clearance_m + 1e-6
+    assert np.mean(np.any(pictures[0] != pictures[-1], axis=-1)) > 0.01
+    assert env.render().shape == pictures[0].shape
+    env.close()
+    env.close()
+
+
+def test_tools_meet_the_same_field_and_a_wrong_configuration_is_named():
+    cores = [gym.make(ENV_ID, backend="analytic", tool=tool).unwrapped.core for tool in ("hoe", "laser")]  # type: ignore[attr-defined]
+    for core in cores:
+        core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(5)])
+    assert np.array_equal(cores[0].state.plant, cores[1].state.plant)
+    assert np.array_equal(cores[0].state.track_report, cores[1].state.track_report)
+    # Without a camera beside it the hoe works where the tracks say.
+    assert np.array_equal(cores[0].state.track_aim, cores[0].state.track_report)
+    assert not np.array_equal(cores[1].state.track_aim, cores[1].state.track_report)
+    with pytest.raises(ValueError, match="HoeWeedingConfig"):
+        gym.make(ENV_ID, backend="analytic", tool="laser", config=HoeWeedingConfig())
