@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...motion.orientation import LEVEL, axes, from_euler, product
 from ...simulation.camera import Camera, RgbdFrame
 from ...simulation.client import PhysicsClient, pybullet
 from ...simulation.meshes import Mesh, Pool, box, ellipsoid, merged, rotation_z, turned
@@ -26,6 +27,11 @@ BELT_START_M, BELT_END_M = -0.95, 0.55
 RIB_PITCH_M = 0.06
 CAMERA_HEIGHT_M = 0.52
 """Of the camera above the belt."""
+OPEN_M = 0.036
+"""From the middle of the gripper to either pad when it is open."""
+BIN_HOLDS = 9
+"""Items in a bin before it is exchanged: two layers of four and one on top."""
+_BIN_FLOOR_M, _BIN_HEIGHT_M, _BIN_PITCH_M, _LAYER_M = 0.135, 0.100, 0.034, 0.046
 _TUBER, _GREEN_HUE, _RED_HUE = (0.70, 0.53, 0.32), 95.0, 6.0
 
 
@@ -72,10 +78,17 @@ class SorterScene:
         self._shapes: dict[tuple[float, float, float], int] = {}
         self._bodies: dict[int, int] = {}
 
-    def set_machine(self, pose: ArrayLike) -> None:
-        """Put the platform at a pose (6,) of the mechanism."""
+    def set_machine(self, pose: ArrayLike, gap_m: float = OPEN_M) -> None:
+        """Put the platform at a pose (6,) of the mechanism, the pads ``gap_m`` from the gripper's middle."""
         self._require_open()
         self._machine.place(pose)
+        sorter, centre = self._config.machine.sorter, np.asarray(pose, dtype=np.float64)
+        turn = from_euler(centre[3:])
+        self._pads.clear()
+        for half_turn in (LEVEL, np.array([0.0, 0.0, 0.0, 1.0])):
+            quaternion = product(turn, half_turn)
+            pad = axes(quaternion) @ np.array([0.0, gap_m, -sorter.tool_m])
+            self._pads.place(centre[:3] + pad + [0.0, 0.0, sorter.origin_height_m], quaternion[[1, 2, 3, 0]])
 
     def set_belt(self, travel_m: float) -> None:
         """Show the belt after it has run ``travel_m``."""
@@ -110,8 +123,8 @@ class SorterScene:
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of the cell from beside the belt."""
         self._require_open()
-        camera = Camera(width, height, np.deg2rad(36.0), 0.1, 12.0)
-        middle = np.array([-0.10, 0.0, self._top + 0.17])
+        camera = Camera(width, height, np.deg2rad(41.0), 0.1, 12.0)
+        middle = np.array([-0.10, 0.0, self._top + 0.23])
         return camera.look(
             self._client, middle + np.array([0.72, -1.15, 0.72]), middle, np.array([0.0, 0.0, 1.0]), shadows=True
         ).rgb
@@ -167,10 +180,13 @@ class SorterScene:
         ):  # fmt: skip
             Pool(self._client, merged(*meshes), colour, 1).place((0.0, 0.0, 0.0))
         self._ribs = Pool(self._client, merged(*ribs), RIB, 1)
-        self.bin_floor_m = top - 0.11
+        # A pad on a pin that slides through its finger; the fingers themselves belong to the platform.
+        pad = merged(_at(box((0.026, 0.005, 0.024)), (0.0, 0.0025, 0.0)), _at(box((0.006, 0.030, 0.006)), (0, 0.02, 0)))
+        self._pads = Pool(self._client, pad, DARK, 2)
+        self.bin_floor_m = top - _BIN_FLOOR_M
         for grade, (x, y) in zip(GRADES, belt.bins_m, strict=True):
             outside = np.copysign(half + 0.024 + 0.075, y)
-            Pool(self._client, _bin(0.148, 0.150, 0.075), BIN[grade], 1).place((x, outside, self.bin_floor_m))
+            Pool(self._client, _bin(0.148, 0.150, _BIN_HEIGHT_M), BIN[grade], 1).place((x, outside, self.bin_floor_m))
             Pool(self._client, box((0.03, 0.03, self.bin_floor_m)), FRAME, 1).place(
                 (x, outside, 0.5 * self.bin_floor_m - 0.005)
             )
@@ -180,9 +196,14 @@ class SorterScene:
         x, y = self._config.belt.bins_m[grade]
         half = 0.5 * self._config.belt.width_m
         outside = float(np.copysign(half + 0.024 + 0.075, y))
-        column, layer = number % 6, number // 6
-        along, across = (column % 2 - 0.5) * 0.064, (column // 2 - 1.0) * 0.048
-        return np.array([x + along, outside + across, self.bin_floor_m + 0.025 + 0.036 * min(layer, 3)])
+        layer, corner = divmod(number % BIN_HOLDS, 4)
+        up = self.bin_floor_m + 0.030 + _LAYER_M * layer
+        if layer == 2:
+            return np.array([x, outside, up])
+        # The second layer lies in the gaps of the first.
+        angle = 0.5 * np.pi * corner + (0.25 * np.pi if layer == 0 else 0.0)
+        radius = _BIN_PITCH_M * (np.sqrt(2.0) if layer == 0 else 1.0)
+        return np.array([x + radius * np.cos(angle), outside + radius * np.sin(angle), up])
 
 
 def _at(mesh: Mesh, shift: tuple[float, float, float]) -> Mesh:

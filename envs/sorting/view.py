@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ...motion.orientation import conjugate, product, tilted
+from ...motion.orientation import LEVEL, conjugate, product, tilted
 from ...perception.produce import Produce, ProduceRules, detect_produce
 from ...simulation.camera import RgbdFrame
 from ..core import Array, StepResult
@@ -27,8 +27,8 @@ from .scenario import (
     YAW,
     Z_M,
 )
-from .scene import BELT_END_M, BELT_START_M, ShownItem, SorterScene, item_colour
-from .state import PICK, SorterPlan
+from .scene import BELT_END_M, BELT_START_M, BIN_HOLDS, OPEN_M, ShownItem, SorterScene, item_colour
+from .state import PICK, RELEASE, SorterPlan
 from .task import SortingCore
 
 MATCH_RADIUS_M = 0.025
@@ -39,6 +39,11 @@ COLOUR_SIGMA = 3.0
 """Noise of a colour value out of 255 [assumed]."""
 GAIN_SIGMA = 0.03
 """Drift of each colour channel's gain from image to image [assumed]."""
+
+
+_EMPTY_GAP_M = 0.010
+"""From the middle of the gripper to either pad where they close on nothing."""
+_GRAVITY_M_S2 = 9.81
 
 
 def sensor_noise(frame: RgbdFrame, seed: int, number: int) -> RgbdFrame:
@@ -60,7 +65,7 @@ class SorterView:
         self._rules = ProduceRules(ware_from_m=core.config.produce.ware_from_m)
         self._episode, self._frames = -1, 0
         self._free = np.zeros(0, bool)
-        self._binned: list[tuple[int, Array, Array]] = []
+        self._binned: list[tuple[int, ShownItem]] = []
         self._in_bin = np.zeros(4, np.int64)
 
     def sense(self) -> None:
@@ -92,7 +97,7 @@ class SorterView:
         self._load_if_new()
         self._settle()
         at = np.array([[*core.state.place[0], self._config.machine.travel_level_m]])
-        return self._draw(float(core.time_s[0]), Way(at, core.state.turn[:1]), 0, None)
+        return self._draw(float(core.time_s[0]), Way(at, core.state.turn[:1]), 0)
 
     def frames(self, plan: SorterPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
         """Pictures of a decision: waiting, the way to the item and down, and to the bin."""
@@ -103,28 +108,40 @@ class SorterView:
         waiting_s = float(result.phases_s[0, 0])
         times = np.arange(0.0, elapsed_s, 1.0 / frames_per_second)
         moving = plan.kind[0] == PICK
-        held = bool(moving and result.phases_s[0, 6] > 0.0)
+        held = bool(moving and result.phases_s[0, RELEASE] > 0.0)
         item = int(core.state.report_item[0, plan.report[0]]) if held else -1
         at = np.array([[*plan.start[0], self._config.machine.travel_level_m]])
         way = Way(np.repeat(at, len(times), 0), np.repeat(plan.start_turn[:1], len(times), 0))
-        closing_s = np.inf
+        gaps, grasp = np.full(len(times), OPEN_M), (np.zeros(3), LEVEL)
+        closing_s, falls_s = np.inf, np.inf
+        dropped = held and result.rewards[0, 2] != 0.0
         if moving:
             motion = PickMotion(self._config, plan)
             way = motion.sample(times - waiting_s, held)
-            closing_s = waiting_s + motion.closing_s + 0.5 * self._config.grip.grip_s
-        grasp: tuple[Array, Array] | None = None
-        dropped = held and result.rewards[0, 2] != 0.0
-        falls_s = closing_s + 0.6 * (elapsed_s - closing_s)
+            closing_s = waiting_s + motion.closing_s
+            opens_s, open_s = elapsed_s - float(result.phases_s[0, RELEASE]), elapsed_s
+            shut_m = _EMPTY_GAP_M
+            if held:
+                lies = core.items[0, item]
+                shut_m = 0.5 * lies[LENGTH_M] * lies[WIDTH]
+                grasp = self._grasp(item, began_s + closing_s, motion.sample(np.array([motion.closing_s]), held))
+            else:
+                opens_s = waiting_s + motion.lifted_s
+            if dropped:
+                falls_s = closing_s + 0.6 * (elapsed_s - closing_s)
+                opens_s = open_s = np.inf
+            shut_s = closing_s + 0.5 * self._config.grip.grip_s
+            gaps = np.interp(times, [closing_s, shut_s, opens_s, open_s], [OPEN_M, shut_m, shut_m, OPEN_M])
         for k, time in enumerate(times.tolist()):
             carried = None
-            gone = held and dropped and time >= falls_s
-            if held and time >= closing_s and not gone:
-                if grasp is None:
-                    grasp = self._grasp(item, began_s + time, way, k)
-                carried = item, grasp
-            if gone:
-                self._free[item] = False
-            yield self._draw(began_s + time, way, k, carried)
+            if held and time >= closing_s:
+                carried = self._carried(item, way, k, grasp)
+            if carried is not None and time >= falls_s:
+                # It lets go where it is, over the belt or beside it, and is out of the game.
+                carried.position[2] -= 0.5 * _GRAVITY_M_S2 * (time - falls_s) ** 2
+            yield self._draw(began_s + time, way, k, carried, float(gaps[k]))
+        if dropped:
+            self._free[item] = False
         if held and not dropped:
             self._put_in_bin(item, plan)
         self._settle()
@@ -152,11 +169,9 @@ class SorterView:
         """Items that the rules took while nobody watched are in their bins."""
         core = self._core
         taken = np.flatnonzero(self._free & ~core.state.item_free[0])
-        shown = {key for key, _, _ in self._binned}
         for item in taken.tolist():
             self._free[item] = False
-            if item not in shown:
-                self._lay(item, int(core.items[0, item, GRADE]))
+            self._lay(item, int(core.items[0, item, GRADE]))
 
     def _put_in_bin(self, item: int, plan: SorterPlan) -> None:
         self._free[item] = False
@@ -165,35 +180,37 @@ class SorterView:
     def _lay(self, item: int, grade: int) -> None:
         number = int(self._in_bin[grade])
         self._in_bin[grade] += 1
-        turn = tilted(0.15, 1.7 * item, 2.4 * item)
-        self._binned.append((item, self._scene.bin_place(grade, number), turn))
-        # A full bin is exchanged for an empty one.
-        own = [entry for entry in self._binned if np.linalg.norm(entry[1] - self._scene.bin_place(grade, 0)) < 0.12]
-        if len(own) > 18:
-            self._binned = [entry for entry in self._binned if entry not in own[:-1]]
-            self._in_bin[grade] = 1
+        if number % BIN_HOLDS == 0:
+            # A full bin is exchanged for an empty one.
+            self._binned = [entry for entry in self._binned if entry[0] != grade]
+        # The long ones lie along the belt: a bin is not much wider than two of them.
+        turn = tilted(0.15, 1.7 * item, 0.3 * (item % 3 - 1))
+        self._binned.append((grade, self._shown(item, self._scene.bin_place(grade, number), turn)))
 
-    def _draw(self, time_s: float, way: Way, row: int, carried: tuple[int, tuple[Array, Array]] | None) -> NDArray:
+    def _draw(
+        self, time_s: float, way: Way, row: int, carried: ShownItem | None = None, gap_m: float = OPEN_M
+    ) -> NDArray[np.uint8]:
         scene = self._scene
-        items = self._items(time_s, self._free, -1 if carried is None else carried[0])
-        height = self._config.machine.sorter.origin_height_m
-        if carried is not None:
-            item, (offset, turn) = carried
-            quaternion = product(way.turn[row], turn)
-            where = way.position[row] + _rotate(way.turn[row], offset) + np.array([0.0, 0.0, height])
-            items.append(self._shown(item, where, quaternion))
-        items += [self._shown(item, where, turn) for item, where, turn in self._binned]
+        items = self._items(time_s, self._free, -1 if carried is None else carried.key)
+        items += [] if carried is None else [carried]
+        items += [shown for _, shown in self._binned]
         scene.set_belt(self._config.belt.speed_m_s * time_s)
         scene.set_items(items)
-        scene.set_machine(way.poses()[row])
+        scene.set_machine(way.poses()[row], gap_m)
         return scene.render()
 
-    def _grasp(self, item: int, time_s: float, way: Way, row: int) -> tuple[Array, Array]:
-        """Where an item lies in the platform's frame: offset (3,) and quaternion (4,)."""
+    def _grasp(self, item: int, time_s: float, way: Way) -> tuple[Array, Array]:
+        """Where an item lies in the frame of the platform at a moment: offset (3,) and quaternion (4,)."""
         position, turn = self._lies(item, time_s)
-        back = conjugate(way.turn[row])
+        back = conjugate(way.turn[0])
         position[2] -= self._config.machine.sorter.origin_height_m
-        return _rotate(back, position - way.position[row]), product(back, turn)
+        return _rotate(back, position - way.position[0]), product(back, turn)
+
+    def _carried(self, item: int, way: Way, row: int, grasp: tuple[Array, Array]) -> ShownItem:
+        """An item that moves with the platform."""
+        where = way.position[row] + _rotate(way.turn[row], grasp[0])
+        where[2] += self._config.machine.sorter.origin_height_m
+        return self._shown(item, where, product(way.turn[row], grasp[1]))
 
     def _lies(self, item: int, time_s: float) -> tuple[Array, Array]:
         """World position (3,) and quaternion of an item on the belt."""
