@@ -80,7 +80,7 @@ class WeedingInstance:
         began = time.perf_counter()
         found_n, found_v = (math.nan, math.nan) if self.core is None else self._carried_out()
         if self.config.speed_control:
-            kills, value = self._most_work(), self._largest_return()
+            kills, value = self._most_work(), float(self._largest_return())
             words = "work and shortest ways against the time"
         else:
             kills, value = self._priced(found_n, found_v, time_limit_s)
@@ -210,7 +210,7 @@ class WeedingInstance:
 
 
 def _gap(bound: float, found: float) -> float:
-    gap = (bound - found) / max(abs(bound), 1e-9)
+    gap = float((bound - found) / max(abs(bound), 1e-9))
     return gap if gap > 1e-9 else 0.0
 
 
