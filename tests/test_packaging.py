@@ -27,7 +27,7 @@ def source_files() -> set[str]:
     files = {"py.typed"} | {path.name for path in ROOT.glob("*.py")}
     for room in ROOT.iterdir():
         if room.is_dir() and tracked(room) and room.name not in NOT_PACKAGED:
-            kept = {".py", ".yaml"}
+            kept = {".py", ".yaml", ".css", ".js"}
             files |= {
                 path.relative_to(ROOT).as_posix()
                 for path in room.rglob("*")
