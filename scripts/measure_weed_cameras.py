@@ -15,6 +15,7 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +25,7 @@ import numpy as np
 from fieldgym.agents import make_policy
 from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel, WeedingConfig
 from fieldgym.envs.weeding.env import laser_core
-from fieldgym.envs.weeding.scenario import is_crowded, nearest_crop, nearest_weed
+from fieldgym.envs.weeding.scenario import nearest_crop, nearest_weed, neighbourhood
 from fieldgym.envs.weeding.view import DELAY_S, DRIFT_SHARE, FRAME_EVERY_M, SAME_M, FrontCamera, WeederView
 
 STRIPS = {"load-1.0": 8, "load-1.0-even": 3, "dense": 9}
@@ -36,7 +37,7 @@ PART_M, CANOPY_M = 0.040, 0.060
 CROP_AS_WEED_M = 0.020
 """A false track this near to a crop plant's stem would cost the crop plant."""
 CROP_GAP_M, WEED_GAP_M, CROWDED_M = (0.030, 0.045, 0.060), (0.012, 0.025, 0.050), (0.060, 0.030)
-KEPT = 48
+KEPT = 64
 """Sightings kept of each class."""
 OUTPUT = Path(__file__).resolve().parent.parent / "assets" / "perception" / "weeding.json"
 
@@ -63,60 +64,108 @@ class Strips(NamedTuple):
     counts: dict[str, int]
 
 
+class Seen(NamedTuple):
+    """True plants of one strip, and what the cameras made of them.
+
+    Attributes:
+        weed: (n, 2) true places, sorted along.
+        kind: (n, 2), species and stage.
+        crop: (m, 2) true places.
+        place: (t, 2), where tracks ended.
+        told: (t, 2), where the odometry then sends the tool.
+        aim: (t, 2), where the tool camera corrects it to.
+        found: (t,), whether it found a plant.
+        named: (t, 2), species and stage.
+        confirmed_m: (t,), cart positions.
+    """
+
+    weed: np.ndarray
+    kind: np.ndarray
+    crop: np.ndarray
+    place: np.ndarray
+    told: np.ndarray
+    aim: np.ndarray
+    found: np.ndarray
+    named: np.ndarray
+    confirmed_m: np.ndarray
+
+
 def measure(tier: str, strips: int) -> Strips:
     """Drive over the strips of a tier."""
     config = replace(WeedingConfig(), scenario=SCENARIOS[tier])
     core = laser_core(config, None)
     view = WeederView(core, config)
-    weeds, sightings, after = [], [], []
-    false: list[list[tuple[float, ...]]] = [[], [], []]
-    crops, area = 0, 0.0
     counts: dict[str, int] = dict.fromkeys(("pictures", "truth", "plants", "hits", "crop_as_weed"), 0)
+    all_seen = []
     for strip in range(strips):
         core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(FIRST_SEED + strip)])
-        scene = view.camera_scene()
-        view.show_strip(scene)
-        front = FrontCamera(scene, -config.cart.start_m, 0.0)
-        end = core.weeds_end
-        exists = core.plant_exists[0, :end]
-        weed, crop = core.state.plant[0, :end][exists], core.state.plant[0, end:]
-        stage, species = core.state.plant_kind[0, :end][exists], core.plant_species[0, :end][exists]
-        drive(config, front, weed, counts)
-        tracks = [t for t in front.tracker.tracks if np.isfinite(t.confirmed_m) and not t.is_crop and not t.is_doubtful]
-        tracks = [t for t in tracks if abs(t.place[1]) <= 0.5 * config.scenario.band_m]
-        place = np.array([t.place for t in tracks]).reshape(-1, 2)
-        # The tool camera is sent where the odometry believes the plant is; its error is one value a strip.
-        drift = DRIFT_SHARE * np.sqrt(3.0) * np.random.default_rng(FIRST_SEED + strip).uniform(-1.0, 1.0)
-        told = place + np.array([config.cart.unseen_m * drift, 0.0])
-        seen = [view.tool_aim(t) for t in told]
-        aim = np.array([t if a is None else a for t, a in zip(told, seen, strict=True)]).reshape(-1, 2)
-        named = [(t.votes.sum(axis=1).argmax(), t.votes.sum(axis=0).argmax()) for t in tracks]
-
-        def sighting(
-            i: int, owner: np.ndarray, place: Any = place, aim: Any = aim, seen: Any = seen, named: Any = named
-        ):
-            return (*(place[i] - owner), *(aim[i] - owner), float(seen[i] is not None), *map(float, named[i]))
-
-        pairs = {b: a for a, b in match(place, weed)}
-        weeds.append(np.column_stack([species, stage, nearest_crop(config.scenario, crop[None], weed[None])[0]]))
-        weeds[-1] = np.column_stack([weeds[-1], nearest_weed(weed[None])[0]])
-        for j in range(len(weed)):
-            i = pairs.get(j)
-            sightings.append((np.nan,) * 7 if i is None else sighting(i, weed[j]))
-            entered = weed[j, 0] - config.cart.seen_ahead_m
-            after.append(np.nan if i is None else tracks[i].confirmed_m - entered)
-        for i in set(range(len(tracks))) - set(pairs.values()):
-            if same_plant(i, pairs.values(), told, aim):
-                continue
-            to_weed, to_crop = (np.hypot(*(p - place[i]).T) for p in (weed, crop))
-            kind = 0 if to_weed.min() < PART_M else 1 if to_crop.min() < CANOPY_M else 2
-            owner = (weed[to_weed.argmin()], crop[to_crop.argmin()], place[i])[kind]
-            false[kind].append(sighting(i, owner))
-            counts["crop_as_weed"] += int(np.hypot(*(crop - aim[i]).T).min() < CROP_AS_WEED_M)
-        crops += int(np.count_nonzero((crop[:, 0] >= 0.0) & (crop[:, 0] <= config.scenario.strip_m)))
-        area += config.scenario.strip_m * config.scenario.band_m
+        all_seen.append(look(config, core, view, FIRST_SEED + strip, counts))
     view.close()
+    return join(config, all_seen, counts)
+
+
+def look(config: WeedingConfig, core: Any, view: WeederView, seed: int, counts: dict[str, int]) -> Seen:
+    """Drive over the present strip of ``core``, then send the tool camera to every track."""
+    scene = view.camera_scene()
+    view.show_strip(scene)
+    front = FrontCamera(scene, -config.cart.start_m, 0.0)
+    end = core.weeds_end
+    exists = core.plant_exists[0, :end]
+    weed, crop = core.state.plant[0, :end][exists], core.state.plant[0, end:].copy()
+    kind = np.column_stack([core.plant_species[0, :end][exists], core.state.plant_kind[0, :end][exists]])
+    drive(config, front, weed, counts)
+    tracks = [t for t in front.tracker.tracks if np.isfinite(t.confirmed_m) and not t.is_crop and not t.is_doubtful]
+    tracks = [t for t in tracks if abs(t.place[1]) <= 0.5 * config.scenario.band_m]
+    place = np.array([t.place for t in tracks]).reshape(-1, 2)
+    # The tool camera is sent where the odometry believes the plant is; its error is one value a strip.
+    drift = DRIFT_SHARE * np.sqrt(3.0) * np.random.default_rng(seed).uniform(-1.0, 1.0)
+    told = place + np.array([config.cart.unseen_m * drift, 0.0])
+    seen = [view.tool_aim(t) for t in told]
+    return Seen(
+        weed,
+        kind,
+        crop,
+        place,
+        told,
+        np.array([t if a is None else a for t, a in zip(told, seen, strict=True)]).reshape(-1, 2),
+        np.array([a is not None for a in seen], float),
+        np.array([(t.votes.sum(axis=1).argmax(), t.votes.sum(axis=0).argmax()) for t in tracks], float).reshape(-1, 2),
+        np.array([t.confirmed_m for t in tracks]),
+    )
+
+
+def join(config: WeedingConfig, all_seen: list[Seen], counts: dict[str, int]) -> Strips:
+    """Join tracks and weeds; what is left over of the tracks is false."""
+    scenario = config.scenario
+    weeds, sightings, after = [], [], []
+    false: list[list[tuple[float, ...]]] = [[], [], []]
+    crops = 0
+    for s in all_seen:
+        # A track belongs to the weed that it shows, or to the one that the tool would be used on.
+        pairs = {b: a for a, b in match(s.place, s.weed, s.aim)}
+        gaps = nearest_crop(scenario, s.crop[None], s.weed[None])[0], nearest_weed(s.weed[None])[0]
+        weeds.append(np.column_stack([s.kind, *gaps]))
+        for j in range(len(s.weed)):
+            i = pairs.get(j)
+            sightings.append((np.nan,) * 7 if i is None else sighting(s, i, s.weed[j]))
+            entered = s.weed[j, 0] - config.cart.seen_ahead_m
+            after.append(np.nan if i is None else s.confirmed_m[i] - entered)
+        for i in set(range(len(s.place))) - set(pairs.values()):
+            if same_plant(i, pairs.values(), s.told, s.aim):
+                continue
+            to_weed, to_crop = (np.hypot(*(p - s.aim[i]).T) for p in (s.weed, s.crop))
+            kind = 0 if to_weed.min() < PART_M else 1 if to_crop.min() < CANOPY_M else 2
+            owner = (s.weed[to_weed.argmin()], s.crop[to_crop.argmin()], s.place[i])[kind]
+            false[kind].append(sighting(s, i, owner))
+            counts["crop_as_weed"] += int(to_crop.min() < CROP_AS_WEED_M)
+        crops += int(np.count_nonzero((s.crop[:, 0] >= 0.0) & (s.crop[:, 0] <= scenario.strip_m)))
+    area = len(all_seen) * scenario.strip_m * scenario.band_m
     return Strips(np.concatenate(weeds), np.array(sightings), np.array(after), false, crops, area, counts)
+
+
+def sighting(seen: Seen, i: int, owner: np.ndarray) -> tuple[float, ...]:
+    """One row of ``PerceptionModel.sightings``: track ``i`` relative to a plant's place (2,)."""
+    return (*(seen.place[i] - owner), *(seen.aim[i] - owner), seen.found[i], *seen.named[i])
 
 
 def drive(config: WeedingConfig, front: FrontCamera, weed: np.ndarray, counts: dict[str, int]) -> None:
@@ -137,11 +186,13 @@ def drive(config: WeedingConfig, front: FrontCamera, weed: np.ndarray, counts: d
             counts[name] += more
 
 
-def match(places: np.ndarray, truth: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs (place, truth) within ``MATCH_M``, nearest first, one to one."""
+def match(places: np.ndarray, truth: np.ndarray, aims: np.ndarray | None = None) -> list[tuple[int, int]]:
+    """Pairs (place, truth) of which the place, or its aim, is within ``MATCH_M``; nearest first, one to one."""
     if not len(places) or not len(truth):
         return []
     gap = np.hypot(*(places[:, None] - truth[None]).transpose(2, 0, 1))
+    if aims is not None:
+        gap = np.minimum(gap, np.hypot(*(aims[:, None] - truth[None]).transpose(2, 0, 1)))
     pairs, used_a, used_b = [], set(), set()
     for flat in np.argsort(gap, axis=None):
         a, b = divmod(int(flat), len(truth))
@@ -167,24 +218,24 @@ def fit(parts: list[Strips]) -> dict[str, Any]:
     species, stage, found = weeds[:, 0].astype(int), weeds[:, 1].astype(int), np.isfinite(rows[:, 0])
     kind = 3 * species + stage
     bins = kind, np.searchsorted(CROP_GAP_M, weeds[:, 2]), np.searchsorted(WEED_GAP_M, weeds[:, 3])
-    chance = factors(bins, (6, len(CROP_GAP_M) + 1, len(WEED_GAP_M) + 1), found)
+    odds = factors(bins, (6, len(CROP_GAP_M) + 1, len(WEED_GAP_M) + 1), found)
+    recall = odds[0] / (1.0 + odds[0])
     shape = replace(PerceptionModel.perfect(), crowded_m=CROWDED_M)
-    table = 6 * is_crowded(shape, weeds[:, 2], weeds[:, 3]) + kind
-    generator = np.random.default_rng(0)
+    table = 6 * neighbourhood(shape, weeds[:, 2], weeds[:, 3]) + kind
     totals = [sum(len(p.false[c]) for p in parts) for c in range(3)]
     per = len(weeds), sum(p.crops for p in parts), sum(p.area_m2 for p in parts)
     after = np.concatenate([p.after_m for p in parts])
     return {
-        "recall": [[round(float(v), 3) for v in chance[0][3 * s : 3 * s + 3]] for s in (0, 1)],
+        "recall": [[round(float(v), 4) for v in recall[3 * s : 3 * s + 3]] for s in (0, 1)],
         "crop_gap_m": list(CROP_GAP_M),
-        "recall_near_crop": [round(float(v), 3) for v in chance[1]],
+        "odds_near_crop": [round(float(v), 5) for v in odds[1]],
         "weed_gap_m": list(WEED_GAP_M),
-        "recall_near_weed": [round(float(v), 3) for v in chance[2]],
+        "odds_near_weed": [round(float(v), 5) for v in odds[2]],
         "crowded_m": list(CROWDED_M),
-        "sightings": [kept(rows[found & (table == c)], generator) for c in range(12)],
+        "sightings": [kept(rows[found & (table == c)]) for c in range(18)],
         "false_rates": [round(float(t / n), 4) for t, n in zip(totals, per, strict=True)],
         "false_sightings": [
-            kept(np.array([row for p in parts for row in p.false[c]]).reshape(-1, 7), generator) for c in range(3)
+            kept(np.array([row for p in parts for row in p.false[c]]).reshape(-1, 7)) for c in range(3)
         ],
         "drift_share": DRIFT_SHARE,
         "delay_s": DELAY_S,
@@ -193,28 +244,40 @@ def fit(parts: list[Strips]) -> dict[str, Any]:
 
 
 def factors(bins: tuple[np.ndarray, ...], sizes: tuple[int, ...], found: np.ndarray) -> list[np.ndarray]:
-    """Factors whose product predicts ``found``: each bin's predicted sum equals its true one.
+    """Factors whose product predicts the odds of ``found``: each bin's predicted sum equals its true one.
 
-    Iterative scaling, one success and one failure added to each bin; the outermost bins of all but the first are 1.
+    A logistic regression on the bins by Newton's method, half a success and half a failure at even odds added to each
+    bin; the last bins of all axes but the first have the factor 1.
     """
-    chance = [np.ones(n) for n in sizes]
-    chance[0][:] = found.mean()
-    for _ in range(200):
-        for axis, bin_ in enumerate(bins):
-            product = np.prod([c[b] for c, b in zip(chance, bins, strict=True)], axis=0)
-            hits = np.bincount(bin_, found, sizes[axis]) + 1.0
-            expected = np.bincount(bin_, np.minimum(product, 1.0), sizes[axis]) + 1.0 / max(found.mean(), 1e-9)
-            chance[axis] = chance[axis] * hits / expected
-            if axis:
-                chance[0], chance[axis] = chance[0] * chance[axis][-1], chance[axis] / chance[axis][-1]
-    return [np.minimum(c, 1.0) for c in chance]
+    starts = np.cumsum([0, *sizes])
+    free = np.ones(starts[-1], bool)
+    free[starts[2:] - 1] = False
+    design = np.zeros((len(found) + 2 * starts[-1], starts[-1]))
+    for axis, bin_ in enumerate(bins):
+        design[np.arange(len(found)), starts[axis] + bin_] = 1.0
+    design[len(found) :] = np.repeat(np.eye(starts[-1]), 2, axis=0)
+    hits = np.concatenate([found.astype(float), np.tile([1.0, 0.0], starts[-1])])
+    weight = np.concatenate([np.ones(len(found)), np.full(2 * starts[-1], 0.5)])
+    design, logs = design[:, free], np.zeros(np.count_nonzero(free))
+    for _ in range(30):
+        chance = 1.0 / (1.0 + np.exp(-design @ logs))
+        curvature = (design * (weight * chance * (1.0 - chance))[:, None]).T @ design
+        logs += np.linalg.solve(curvature, design.T @ (weight * (hits - chance)))
+    every = np.zeros(starts[-1])
+    every[free] = logs
+    return [np.exp(every[low:high]) for low, high in pairwise(starts)]
 
 
-def kept(rows: np.ndarray, generator: np.random.Generator) -> list[list[float]]:
-    """At most ``KEPT`` of the rows (n, 7), tenths of millimetres, in a fixed order; one row of zeros for none."""
+def kept(rows: np.ndarray) -> list[list[float]]:
+    """At most ``KEPT`` of the rows (n, 7), evenly over the order of their final errors; a row of zeros for none.
+
+    Every so many-th of the ordered rows keeps the distribution of the errors better than rows by chance.
+    """
     if not len(rows):
         return [[0.0] * 7]
-    chosen = rows[np.sort(generator.permutation(len(rows))[:KEPT])]
+    order = np.argsort(np.hypot(rows[:, 2], rows[:, 3]), kind="stable")
+    n = min(KEPT, len(rows))
+    chosen = rows[order[((np.arange(n) + 0.5) * len(rows) / n).astype(np.int64)]]
     return [[round(v, 4) for v in row] for row in chosen.tolist()]
 
 

@@ -84,11 +84,11 @@ class ProcessConfig:
 
 
 class SightingTable(NamedTuple):
-    """Sightings of all classes, one under the other: ``rows`` (n, 7), where each class begins, and how many it has."""
+    """Sightings of all classes, one under the other: ``rows`` (n, 7), where each class begins, how many it holds."""
 
     rows: Array
     first: NDArray[np.int64]
-    count: NDArray[np.int64]
+    holds: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -106,16 +106,16 @@ class PerceptionModel:
     recall: tuple[tuple[float, float, float], tuple[float, float, float]]
     """Probability that a weed becomes a track, by species (broadleaf, grass) and stage, where it stands alone."""
     crop_gap_m: tuple[float, ...]
-    """Ascending distances to the nearest crop plant that part the factors of ``recall_near_crop``."""
-    recall_near_crop: tuple[float, ...]
-    """Factors on the recall, from under the crop plant's leaves outwards; one more than ``crop_gap_m``."""
+    """Ascending distances to the nearest crop plant that part the factors of ``odds_near_crop``."""
+    odds_near_crop: tuple[float, ...]
+    """Factors on the odds of becoming a track, from under the crop plant's leaves outwards."""
     weed_gap_m: tuple[float, ...]
     """The same for the distance to the nearest other weed: plants that touch may be taken for one."""
-    recall_near_weed: tuple[float, ...]
+    odds_near_weed: tuple[float, ...]
     crowded_m: tuple[float, float]
-    """A weed is crowded when a crop plant or another weed is nearer than these distances."""
+    """A weed is at a crop plant, or beside another weed, when these are nearer than that."""
     sightings: tuple[tuple[tuple[float, ...], ...], ...]
-    """Sightings of tracked weeds in twelve classes, index ``6 crowded + 3 species + stage``."""
+    """Of tracked weeds in 18 classes, index ``6 neighbourhood + 3 species + stage``: alone, by a weed, at a crop plant."""
     false_rates: tuple[float, float, float]
     """Tracks that are no further weed: per weed (a part of it), per crop plant, and elsewhere per square metre."""
     false_sightings: tuple[tuple[tuple[float, ...], ...], ...]
@@ -147,11 +147,11 @@ class PerceptionModel:
         return cls(
             recall=(ones, ones),
             crop_gap_m=(),
-            recall_near_crop=(1.0,),
+            odds_near_crop=(1.0,),
             weed_gap_m=(),
-            recall_near_weed=(1.0,),
+            odds_near_weed=(1.0,),
             crowded_m=(0.0, 0.0),
-            sightings=kinds + kinds,
+            sightings=kinds + kinds + kinds,
             false_rates=(0.0, 0.0, 0.0),
             false_sightings=(nothing, nothing, nothing),
             drift_share=0.0,

@@ -219,7 +219,7 @@ def draw_tracks(
     weed, species, stage = plants.weed[:, :used], plants.species[:, :used], plants.stage[:, :used]
     crop_gap, weed_gap = nearest_crop(scenario, plants.crop, weed), nearest_weed(weed)
     seen = chances[:, :used] < track_chance(perception, species, stage, crop_gap, weed_gap)
-    kind = 6 * is_crowded(perception, crop_gap, weed_gap) + 3 * species + stage
+    kind = 6 * neighbourhood(perception, crop_gap, weed_gap) + 3 * species + stage
     sighting = _draw_sightings(perception.sighting_table, kind, lots[:, :used])
 
     place = np.concatenate([weed, false_place], axis=1)
@@ -272,20 +272,22 @@ def draw_tracks(
 def track_chance(
     perception: PerceptionModel, species: NDArray[np.int64], stage: NDArray[np.int64], crop_gap: Array, weed_gap: Array
 ) -> Array:
-    """Probability (...) that weeds become tracks, from their kinds and their distances to the nearest neighbours."""
-    by_crop = np.asarray(perception.recall_near_crop)[np.searchsorted(perception.crop_gap_m, crop_gap)]
-    by_weed = np.asarray(perception.recall_near_weed)[np.searchsorted(perception.weed_gap_m, weed_gap)]
-    return np.asarray(perception.recall)[species, stage] * by_crop * by_weed
+    """Probability (...) that weeds become tracks: the odds of a kind times those of its neighbourhood."""
+    recall = np.asarray(perception.recall)[species, stage]
+    odds = np.asarray(perception.odds_near_crop)[np.searchsorted(perception.crop_gap_m, crop_gap)]
+    odds = odds * np.asarray(perception.odds_near_weed)[np.searchsorted(perception.weed_gap_m, weed_gap)]
+    return recall * odds / (1.0 - recall + recall * odds)
 
 
-def is_crowded(perception: PerceptionModel, crop_gap: Array, weed_gap: Array) -> NDArray[np.bool_]:
-    """Whether (...) a weed has a crop plant or another weed beside it."""
-    return (crop_gap < perception.crowded_m[0]) | (weed_gap < perception.crowded_m[1])
+def neighbourhood(perception: PerceptionModel, crop_gap: Array, weed_gap: Array) -> NDArray[np.int64]:
+    """0 where a weed stands alone, 1 beside another weed, 2 at a crop plant (...)."""
+    near_crop, near_weed = crop_gap < perception.crowded_m[0], weed_gap < perception.crowded_m[1]
+    return np.where(near_crop, 2, near_weed.astype(np.int64))
 
 
 def _draw_sightings(table: SightingTable, kind: NDArray[np.int64], lots: Array) -> Array:
     """One sighting (..., 7) of each one's class."""
-    return table.rows[table.first[kind] + (table.count[kind] * lots).astype(np.int64)]
+    return table.rows[table.first[kind] + (table.holds[kind] * lots).astype(np.int64)]
 
 
 def _draw_false(
