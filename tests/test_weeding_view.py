@@ -23,7 +23,7 @@ from fieldgym.envs.weeding.scenario import (
 from fieldgym.envs.weeding.scene import WeederScene
 from fieldgym.envs.weeding.view import TOOL_SETTINGS
 from fieldgym.perception.weeds import detect_seedlings
-from fieldgym.scripts.measure_weed_cameras import factors, kept, match
+from fieldgym.scripts.measure_weed_cameras import MATCH_M, factors, kept, match
 
 SCENARIO = SCENARIOS["load-1.0"]
 
@@ -240,7 +240,8 @@ def test_fitted_odds_predict_as_many_hits_in_each_bin_as_there_were():
     chance = product / (1.0 + product)
     for values, number in ((kind, 6), (gap, 3)):
         for i in range(number):
-            assert chance[values == i].sum() == pytest.approx(found[values == i].sum(), abs=2.0)
+            # Half a success and half a failure are added to each of the nine bins.
+            assert chance[values == i].sum() == pytest.approx(found[values == i].sum(), abs=4.5)
     assert odds[1] == pytest.approx([0.1, 0.5, 1.0], rel=0.2)
     assert odds[1][-1] == 1.0
 
@@ -260,5 +261,6 @@ def test_the_shipped_fit_names_what_it_was_measured_on():
     model = PerceptionModel.measured()
     assert len(model.sightings) == 18 and len(model.false_sightings) == 3
     for row in model.sighting_table.rows:
-        assert np.hypot(row[0], row[1]) < 0.02
+        # A track is a weed's when its place or its aim is near it.
+        assert min(np.hypot(row[0], row[1]), np.hypot(row[2], row[3])) <= MATCH_M + 1e-4
         assert row[4] in (0.0, 1.0) and row[5] in (0.0, 1.0) and row[6] in (0.0, 1.0, 2.0)

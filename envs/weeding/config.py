@@ -115,7 +115,7 @@ class PerceptionModel:
     crowded_m: tuple[float, float]
     """A weed is at a crop plant, or beside another weed, when these are nearer than that."""
     sightings: tuple[tuple[tuple[float, ...], ...], ...]
-    """Of tracked weeds in 18 classes, index ``6 neighbourhood + 3 species + stage``: alone, by a weed, at a crop plant."""
+    """Of tracked weeds in 18 classes, index ``6 neighbourhood + 3 species + stage``: alone, by a weed, at a crop."""
     false_rates: tuple[float, float, float]
     """Tracks that are no further weed: per weed (a part of it), per crop plant, and elsewhere per square metre."""
     false_sightings: tuple[tuple[tuple[float, ...], ...], ...]
