@@ -160,7 +160,7 @@ class Pool:
             pybullet.createMultiBody(0.0, -1, shape, spot, physicsClientId=client.id) for spot in self._spots
         ]
         self._colours = [tuple(colour)] * copies
-        self._visible = [True] * copies
+        self._visible = np.ones(copies, dtype=bool)
         self._parked = np.ones(copies, dtype=bool)
         self._places = np.zeros((copies, 3))
         self._used = 0
@@ -205,8 +205,9 @@ class Pool:
 
     def show(self, visible: NDArray[np.bool_]) -> None:
         """Of the ``places``, draw only those that ``visible`` (n,) names, until told otherwise; none moves."""
-        for index, wanted in enumerate((visible & ~self._parked[: self._used]).tolist()):
-            self._set_visible(index, wanted)
+        wanted = visible & ~self._parked[: self._used]
+        for index in np.flatnonzero(wanted != self._visible[: self._used]).tolist():
+            self._set_visible(index, bool(wanted[index]))
 
     def park(self, index: int) -> None:
         """Take one placed copy out of sight."""
