@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from fieldgym.envs.sorting.config import SCENARIOS, BeltConfig, PerceptionModel, SortingConfig
+from fieldgym.envs.sorting.executor import AnalyticSorter
 from fieldgym.envs.sorting.reports import wrapped
 from fieldgym.envs.sorting.scenario import ARRIVAL_S, centre_height_m
-from fieldgym.envs.sorting.scene import ShownItem, SorterScene, item_colour
+from fieldgym.envs.sorting.scene import OPEN_M, ShownItem, SorterScene, item_colour
 from fieldgym.envs.sorting.task import SortingCore
 from fieldgym.envs.sorting.view import SorterView, sensor_noise
-from fieldgym.motion.orientation import tilted
+from fieldgym.motion.orientation import axes, tilted
 from fieldgym.perception.produce import detect_produce
 from fieldgym.scripts import measure_produce_camera
 
@@ -124,3 +125,29 @@ def test_a_small_measurement_agrees_with_the_shipped_one():
     result, shipped = measure_produce_camera.measure(12), PerceptionModel.measured()
     assert result["frames"] == 12 and result["recall"] >= 0.9
     assert max(result["position_sigma_m"]) < 3.0 * max(shipped.sigma_m) + 2e-4
+
+
+@pytest.mark.parametrize("frames_per_second", [2.0, 25.0])
+def test_what_is_carried_is_drawn_between_the_fingers_at_any_rate_of_pictures(monkeypatch, frames_per_second):
+    core = SortingCore(SortingConfig(scenario=SCENARIOS["load-1.25"]), PerceptionModel.perfect())
+    core.reset_rows(np.array([0]), [np.random.default_rng(4)])
+    view, executor, sorter = SorterView(core), AnalyticSorter(core), core.config.machine.sorter
+    gaps: list[float] = []
+
+    def off(time_s, way, row, carried=None, gap_m=OPEN_M):
+        gaps.append(gap_m)
+        tool = way.position[row] - sorter.tool_m * axes(way.turn[row])[:, 2] + [0.0, 0.0, sorter.origin_height_m]
+        return np.zeros(3) if carried is None else carried.position - tool
+
+    monkeypatch.setattr(view, "_draw", off)
+    carried = 0
+    for _ in range(12):
+        plan = core.plan(np.array([0]))
+        result = core.apply(plan, executor.execute(plan))
+        if result.rewards[0, 0] > 0.0:
+            shown = np.array(list(view.frames(plan, result, frames_per_second)))
+            carried += int(shown.any(axis=1).sum())
+            # The item lies up to three sigma of the belt's slip beside the place where it is reported.
+            assert np.linalg.norm(shown, axis=1).max() < 3.0 * core.config.belt.slip_sigma_m + 1e-3
+    assert carried > 5 and min(gaps) < 0.9 * OPEN_M
+    view.close()

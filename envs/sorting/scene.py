@@ -174,7 +174,7 @@ class SorterScene:
         )
         feet = [_at(box((0.34, 0.24, 0.03)), (0.0, 0.46, 0.015))]
         lens = [_at(box((0.05, 0.10, 0.035)), (belt.camera_x_m, 0.0, eye + 0.022))]
-        ground = [_at(box((3.4, 2.6, 0.02)), (0.0, 0.0, -0.012))]
+        ground = [_at(box((10.0, 10.0, 0.02)), (0.0, 0.0, -0.012))]
         for meshes, colour in (
             (belts, BELT), (frame, FRAME), (posts, POST), (feet + lens, DARK), (ground, FLOOR)
         ):  # fmt: skip
