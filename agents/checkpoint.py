@@ -131,7 +131,8 @@ def _held(owner: object) -> dict[str, np.ndarray]:
     """The arrays of ``owner``, those of its named tuples included."""
     held = {}
     for name, value in vars(owner).items():
-        parts = value._asdict() if isinstance(value, tuple) and hasattr(value, "_asdict") else {"": value}
+        named = getattr(value, "_asdict", None)
+        parts: dict[str, Any] = {"": value} if named is None else named()
         for part, array in parts.items():
             if isinstance(array, np.ndarray) and array.dtype != object:
                 held[f"{name}.{part}" if part else name] = array

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Generator, Sequence
 from functools import lru_cache
-from types import ModuleType
+from importlib import import_module
 from typing import Any
 
 from .episode import RunEpisode, never
@@ -26,19 +26,21 @@ class EngineError(Exception):
     """The engine cannot be used; the message says why and what to do."""
 
 
-def load() -> ModuleType:
+def load() -> Any:
     """The module ``ray``.
 
     Raises:
         EngineError: it is not installed.
     """
     try:
-        import ray
-        from ray import remote  # noqa: F401  a folder called ray in the working directory can be imported too
+        ray = import_module("ray")
     except ImportError:
+        ray = None
+    # A folder called ray in the working directory can be imported too.
+    if not hasattr(ray, "remote"):
         raise EngineError(
             f"--engine ray needs Ray, which is not installed here: {HOW_TO_INSTALL}, or leave --engine out"
-        ) from None
+        )
     return ray
 
 

@@ -26,9 +26,9 @@ _BOUND: dict[tuple[str, Any], Any] = {}
 
 def compiled(function: Function) -> Function:
     """Compile ``function`` at its first call; IEEE arithmetic as written, division by zero gives infinity or NaN."""
-    if numba.config.DISABLE_JIT:
-        return function
     dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
+    if dispatcher is function:  # NUMBA_DISABLE_JIT is set
+        return function
     # Numba renews kept machine code when the function's own file has changed. What it calls stands in other files too.
     kept = dispatcher._cache._cache_file
     kept._source_stamp = _stamp(Path(inspect.getfile(function)).parent)
