@@ -37,8 +37,9 @@ class Instance(Protocol):
         """What no policy can beat.
 
         Args:
-            method: ``"relaxation"`` (fast) or ``"cp-sat"`` (OR-Tools, as tight as the time allows).
-            time_limit_s: wall seconds for CP-SAT.
+            method: ``"relaxation"`` (fast) or ``"cp-sat"`` (OR-Tools, as tight as the time allows; where a task has no
+                such model both are the same).
+            time_limit_s: wall seconds for CP-SAT, or for the search that a task has instead.
         """
         ...
 

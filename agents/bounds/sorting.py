@@ -63,7 +63,7 @@ class SortingInstance:
     seen_s: Array
     words: str
 
-    def bound(self, method: str = "relaxation", time_limit_s: float = 0.6) -> Bound:
+    def bound(self, method: str = "relaxation", time_limit_s: float = 30.0) -> Bound:
         """What no policy can beat; see ``Instance``. Both methods are the same: the search is complete where it can be.
 
         Raises:

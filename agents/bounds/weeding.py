@@ -28,8 +28,10 @@ Array = NDArray[np.float64]
 
 TICK_S = 0.02
 """Grain of time. Half of it is lost on average where a shot and its way take half a second."""
-SECONDS = 0.6
-"""Wall seconds for either of the two bounds that a search makes smaller, unless more are asked for."""
+SECONDS = 30.0
+"""Most wall seconds for either of the two searches; the number of steps ends them long before, so that a bound is the
+same wherever it is reckoned."""
+ROUNDS, FEW_ROUNDS = 40, 6
 URGENCIES = (0.3, 1.0)
 """Of the schedules that are carried out to see how near the bound can be reached."""
 
@@ -156,12 +158,16 @@ class WeedingInstance:
         np.minimum.at(guess, shots.share_weed, (shots.stand_s + self.move_s)[each] / shots.share)
         one = np.ones(shots.weeds)
         nothing, cost = np.zeros(len(shots.cost) + 1), np.append(shots.cost, 0.0)
-        kills = priced(graph, one, nothing, np.zeros(len(end_s)), guess, found=found_n, time_limit_s=seconds)
+        # With any reports nearly everything can be killed: there is little to search for.
+        rounds = ROUNDS if self.tracks_s is not None else FEW_ROUNDS
+        no_end = np.zeros(len(end_s))
+        kills = priced(graph, one, nothing, no_end, guess, rounds=rounds, found=found_n, time_limit_s=seconds)
         end = -second * np.maximum(end_s, self.least_s)
         # Where time is not short a weed's price is what its shot costs.
         begin = np.full(shots.weeds, np.inf)
         np.minimum.at(begin, shots.share_weed, shots.cost[each] / shots.share)
-        value = priced(graph, one * weights.killed, cost, end, guess, found=found_v, time_limit_s=seconds, begin=begin)
+        gain = one * weights.killed
+        value = priced(graph, gain, cost, end, guess, rounds=rounds, found=found_v, time_limit_s=seconds, begin=begin)
         return kills.bound, value.bound
 
     def _times_s(self) -> Array:
