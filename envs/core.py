@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -49,6 +50,7 @@ PlanT = TypeVar("PlanT")
 OutcomeT = TypeVar("OutcomeT")
 PlanIn = TypeVar("PlanIn", contravariant=True)
 OutcomeOut = TypeVar("OutcomeOut", covariant=True)
+ConfigT = TypeVar("ConfigT", bound=Any)
 
 
 class TaskCore(ABC, Generic[PlanT, OutcomeT]):
@@ -129,6 +131,17 @@ class View(Protocol[PlanIn]):
     def close(self) -> None:
         """Free what is held; idempotent."""
         ...
+
+
+def configured(config: ConfigT, scenarios: Mapping[str, Any], scenario: str | None, **changes: Any) -> ConfigT:
+    """``config`` with one of ``scenarios`` by its name and with all ``changes`` that are not None.
+
+    Raises:
+        ValueError: the scenario is unknown, or a change out of range.
+    """
+    if scenario is not None:
+        changes["scenario"] = scenarios[choice("scenario", scenario, tuple(scenarios))]
+    return replace(config, **{name: value for name, value in changes.items() if value is not None})
 
 
 def choice(name: str, value: object, allowed: Sequence[str]) -> str:

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from .core import Executor, OutcomeT, PlanT, StepResult, TaskCore, View
+from .core import BACKENDS, PERCEPTIONS, Executor, OutcomeT, PlanT, StepResult, TaskCore, View, choice
 
 _ONE_ROW = np.zeros(1, np.int64)
 
@@ -161,3 +161,13 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         if not 0 <= value < n:
             raise ValueError(f"action = {value}: allowed range 0..{n - 1}, see info['action_mask']")
         return value
+
+
+def single_perception(backend: str, perception: str | None) -> str:
+    """Perception of a single environment: what is asked for, or the camera with PyBullet and its model without.
+
+    Raises:
+        ValueError: an argument is unknown.
+    """
+    by_default = "camera" if choice("backend", backend, BACKENDS) == "pybullet" else "model"
+    return choice("perception", perception or by_default, PERCEPTIONS)

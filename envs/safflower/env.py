@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gymnasium.vector import AutoresetMode
 
-from ..core import BACKENDS, PERCEPTIONS, choice
-from ..single import TaskEnv
+from ..core import configured
+from ..single import TaskEnv, single_perception
 from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, PerceptionModel, SafflowerConfig
 from .executor import AnalyticPicker, PyBulletPicker
@@ -73,9 +72,8 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
         render_mode: str | None = None,
     ):
         """Build the rules, the executor and, where asked for, the scene."""
-        config = configured(config, scenario, slots)
-        choice("backend", backend, BACKENDS)
-        perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
+        config = configured(config or SafflowerConfig(), SCENARIOS, scenario, slots=slots)
+        perception = single_perception(backend, perception)
         core = SafflowerCore(config, perception_model(perception, config))
         executor = AnalyticPicker() if backend == "analytic" else PyBulletPicker(core)
         super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
@@ -101,7 +99,7 @@ class SafflowerPickingVectorEnv(TaskVectorEnv[PickerPlan, PickerOutcome]):
     ):
         """Build the rules for all worlds."""
         perception = batched_perception(backend, perception, render_mode)
-        config = configured(config, scenario, slots)
+        config = configured(config or SafflowerConfig(), SCENARIOS, scenario, slots=slots)
         core = SafflowerCore(config, perception_model(perception, config), num_envs)
         super().__init__(core, AnalyticPicker(), autoreset_mode)
 
@@ -111,16 +109,6 @@ def _make_view(core: SafflowerCore, window: bool) -> PickerView:
     from .view import PickerView
 
     return PickerView(core, window)
-
-
-def configured(config: SafflowerConfig | None, scenario: str | None, slots: int | None) -> SafflowerConfig:
-    """The configuration with a named scenario and a number of slots put in."""
-    changes: dict[str, Any] = {}
-    if scenario is not None:
-        changes["scenario"] = SCENARIOS[choice("scenario", scenario, tuple(SCENARIOS))]
-    if slots is not None:
-        changes["slots"] = slots
-    return replace(config or SafflowerConfig(), **changes)
 
 
 def perception_model(perception: str, config: SafflowerConfig) -> PerceptionModel | None:

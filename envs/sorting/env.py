@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gymnasium.vector import AutoresetMode
 
-from ..core import BACKENDS, PERCEPTIONS, choice
-from ..single import TaskEnv
+from ..core import configured
+from ..single import TaskEnv, single_perception
 from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, PerceptionModel, SortingConfig
 from .executor import AnalyticSorter, PyBulletSorter
@@ -82,9 +81,8 @@ class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
         render_mode: str | None = None,
     ):
         """Build the rules, the executor and, where asked for, the scene."""
-        config = configured(config, scenario, slots)
-        choice("backend", backend, BACKENDS)
-        perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
+        config = configured(config or SortingConfig(), SCENARIOS, scenario, slots=slots)
+        perception = single_perception(backend, perception)
         core = SortingCore(config, perception_model(perception))
         executor = AnalyticSorter(core) if backend == "analytic" else PyBulletSorter(core)
         super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
@@ -110,18 +108,12 @@ class ProduceSortingVectorEnv(TaskVectorEnv[SorterPlan, SorterOutcome]):
     ):
         """Build the rules for all worlds."""
         perception = batched_perception(backend, perception, render_mode)
-        core = SortingCore(configured(config, scenario, slots), perception_model(perception), num_envs)
+        core = SortingCore(
+            configured(config or SortingConfig(), SCENARIOS, scenario, slots=slots),
+            perception_model(perception),
+            num_envs,
+        )
         super().__init__(core, AnalyticSorter(core), autoreset_mode)
-
-
-def configured(config: SortingConfig | None, scenario: str | None, slots: int | None) -> SortingConfig:
-    """The configuration with a named scenario and a number of slots put in."""
-    changes: dict[str, Any] = {}
-    if scenario is not None:
-        changes["scenario"] = SCENARIOS[choice("scenario", scenario, tuple(SCENARIOS))]
-    if slots is not None:
-        changes["slots"] = slots
-    return replace(config or SortingConfig(), **changes)
 
 
 def perception_model(perception: str) -> PerceptionModel | None:

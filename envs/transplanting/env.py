@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from gymnasium.vector import AutoresetMode
 
-from ..core import BACKENDS, PERCEPTIONS, choice
-from ..single import TaskEnv
+from ..core import configured
+from ..single import TaskEnv, single_perception
 from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, ScenarioConfig, TransplantingConfig, tray
 from .executor import AnalyticTransplanter, PyBulletTransplanter
@@ -85,9 +85,8 @@ class TrayTransplantingEnv(TaskEnv[TransplantPlan, TransplantOutcome]):
         render_mode: str | None = None,
     ):
         """Build the rules, the executor and, where asked for, the scene."""
-        config = configured(config, scenario, motion, source_tray, target_tray)
-        choice("backend", backend, BACKENDS)
-        perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
+        config = equipped(config, scenario, motion, source_tray, target_tray)
+        perception = single_perception(backend, perception)
         core = TransplantingCore(config, perception_model(perception, config.scenario))
         executor = AnalyticTransplanter() if backend == "analytic" else PyBulletTransplanter(core)
         super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
@@ -115,7 +114,7 @@ class TrayTransplantingVectorEnv(TaskVectorEnv[TransplantPlan, TransplantOutcome
     ):
         """Build the rules for all worlds."""
         perception = batched_perception(backend, perception, render_mode)
-        config = configured(config, scenario, motion, source_tray, target_tray)
+        config = equipped(config, scenario, motion, source_tray, target_tray)
         core = TransplantingCore(config, perception_model(perception, config.scenario), num_envs)
         super().__init__(core, AnalyticTransplanter(), autoreset_mode)
 
@@ -127,7 +126,7 @@ def _make_view(core: TransplantingCore, window: bool) -> TransplantView:
     return TransplantView(core, window)
 
 
-def configured(
+def equipped(
     config: TransplantingConfig | None,
     scenario: str | None = None,
     motion: str | None = None,
@@ -135,15 +134,14 @@ def configured(
     target_tray: int | None = None,
 ) -> TransplantingConfig:
     """The configuration with a named scenario, a motion and preset trays put in."""
-    config = config or TransplantingConfig()
-    work = config.scenario if scenario is None else SCENARIOS[choice("scenario", scenario, tuple(SCENARIOS))]
+    config = configured(config or TransplantingConfig(), SCENARIOS, scenario)
     changes: dict[str, Any] = {}
     if source_tray is not None:
         changes["source"] = tray(source_tray, SOURCE_TRAYS, "source_tray")
     if target_tray is not None:
         changes["target"] = tray(target_tray, TARGET_TRAYS, "target_tray")
     machine = config.machine if motion is None else replace(config.machine, motion=motion)
-    return replace(config, scenario=replace(work, **changes), machine=machine)
+    return replace(config, scenario=replace(config.scenario, **changes), machine=machine)
 
 
 def perception_model(perception: str, scenario: ScenarioConfig) -> PerceptionModel | None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gymnasium.vector import AutoresetMode
 
-from ..core import BACKENDS, PERCEPTIONS, Executor, choice
-from ..single import TaskEnv
+from ..core import Executor, choice, configured
+from ..single import TaskEnv, single_perception
 from ..vector import TaskVectorEnv, batched_perception
 from .aim import LaserArm
 from .config import SCENARIOS, FieldTask, PerceptionModel, WeedingConfig
@@ -94,9 +94,8 @@ class WeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
     ):
         """Build the rules, the executor and, where asked for, the scene."""
         parts = TOOLS[choice("tool", tool, tuple(TOOLS))]
-        chosen = configured(parts, config, scenario, slots, self.speed_control)
-        choice("backend", backend, BACKENDS)
-        perception = choice("perception", perception or ("camera" if backend == "pybullet" else "model"), PERCEPTIONS)
+        chosen = field_task(parts, config, scenario, slots, self.speed_control)
+        perception = single_perception(backend, perception)
         core = parts.core(chosen, perception_model(parts, perception), 1)
         executor = AnalyticWeeder() if backend == "analytic" else parts.executor(core, chosen)
         super().__init__(core, executor, partial(parts.view, core, chosen), perception == "camera", render_mode)
@@ -134,7 +133,7 @@ class WeedingVectorEnv(TaskVectorEnv[WeederPlan, WeederOutcome]):
         """Build the rules for all worlds."""
         parts = TOOLS[choice("tool", tool, tuple(TOOLS))]
         perception = batched_perception(backend, perception, render_mode)
-        chosen = configured(parts, config, scenario, slots, self.speed_control)
+        chosen = field_task(parts, config, scenario, slots, self.speed_control)
         core = parts.core(chosen, perception_model(parts, perception), num_envs)
         super().__init__(core, AnalyticWeeder(), autoreset_mode)
 
@@ -241,7 +240,7 @@ class LaserWeedingSpeedVectorEnv(LaserWeedingVectorEnv):
     speed_control = True
 
 
-def configured(
+def field_task(
     tool: Tool, config: FieldTask | None, scenario: str | None, slots: int | None, speed_control: bool
 ) -> FieldTask:
     """The configuration with a named scenario, a number of slots and the kind of action put in.
@@ -251,12 +250,7 @@ def configured(
     """
     if config is not None and not isinstance(config, tool.config):
         raise ValueError(f"config is a {type(config).__name__}: give a {tool.config.__name__}, or another tool")
-    changes: dict[str, Any] = {"speed_control": speed_control}
-    if scenario is not None:
-        changes["scenario"] = SCENARIOS[choice("scenario", scenario, tuple(SCENARIOS))]
-    if slots is not None:
-        changes["slots"] = slots
-    return replace(config or tool.config(), **changes)
+    return configured(config or tool.config(), SCENARIOS, scenario, slots=slots, speed_control=speed_control)
 
 
 def perception_model(tool: Tool, perception: str) -> PerceptionModel | None:
