@@ -158,7 +158,7 @@ def pybullet_inverse_rate(bar: FiveBar, calls: int) -> float:
         return calls / best_of(solve, 3)
 
 
-def single_decisions(env_id: str, quick: bool, **settings: str) -> float:
+def single_decisions(env_id: str, quick: bool, **settings: Any) -> float:
     """Decisions a second of a single environment as ``gym.make`` gives it, resets included, the policy's time not."""
     env = gym.make(env_id, **settings)
     policy = make_policy(reference_policy(env_id), env)

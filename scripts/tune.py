@@ -9,6 +9,7 @@ the median of the earlier ones are ended early. What ships in ``agents/settings/
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,7 +31,7 @@ def main(
 ) -> None:
     """Search for training settings; Ctrl-C keeps what was found."""
     try:
-        import optuna
+        optuna: Any = import_module("optuna")
     except ImportError:
         raise CommandError("tuning needs Optuna: pip install optuna") from None
     import yaml

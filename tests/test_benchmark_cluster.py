@@ -11,7 +11,7 @@ import pytest
 
 from fieldgym.benchmark import cluster, runner, store
 from fieldgym.benchmark.episode import run_episode
-from fieldgym.benchmark.record import Record, identity, untimed
+from fieldgym.benchmark.record import Record, identity, key, untimed
 from fieldgym.benchmark.suites import BOUND, Case, Condition, Episode, Suite, suite
 
 CONDITION = Condition("fieldgym/Stand-v0", "pots", "analytic", "model")
@@ -76,7 +76,7 @@ class StandIn:
 
 
 def by_key(records: list[Record]) -> dict[Any, Record]:
-    return {store.key(record): record for record in records}
+    return {key(record): record for record in records}
 
 
 def test_a_cluster_gives_the_records_of_one_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -76,7 +76,7 @@ def test_ctrl_c_keeps_what_is_finished_and_resume_runs_only_the_rest(tmp_path: P
     report = runner.run_suite(small_suite(), tmp_path, resume=True, run=count)
     assert len(count.ran) == 5
     assert report.skipped == 3
-    assert len({store.key(record) for record in report.records}) == len(report.records) == 8
+    assert len({key(record) for record in report.records}) == len(report.records) == 8
 
 
 def test_bounds_are_kept_beside_the_episodes_and_computed_once(tmp_path: Path):
@@ -289,7 +289,7 @@ def test_ctrl_c_in_the_terminal_ends_quietly_and_resume_completes(tmp_path: Path
     assert output == f"stopped: {kept} of 12 episodes are kept\n"
     assert errors == ""
     assert 3 <= kept < 12
-    finished_before = {store.key(record) for record in store.read(folder / store.EPISODES)}
+    finished_before = {key(record) for record in store.read(folder / store.EPISODES)}
     (folder / "ran").unlink()
 
     output, errors = start(script, folder, jobs, "first,second", "--resume").communicate(timeout=60)

@@ -100,7 +100,7 @@ def test_a_proven_optimum_can_be_carried_out(seed):
 
 def test_a_decision_put_off_is_never_done_sooner():
     """Labels that come earlier dominate: that needs a pick to end no sooner when it is begun later."""
-    instance = bounds.instance(ID, 0, scenario="clumped-1.25")
+    instance: Any = bounds.instance(ID, 0, scenario="clumped-1.25")
     found = 0
     for j in range(len(instance.placed.gain)):
         enters = instance.placed.passing_s[j] + instance.placed.first_m[j] / instance.belt.speed_m_s

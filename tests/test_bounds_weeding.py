@@ -125,9 +125,9 @@ def test_a_schedule_that_knows_everything_comes_near_the_bound():
 
 @pytest.mark.parametrize("env_id", [LASER, SPEED, HOE])
 def test_whatever_strays_or_is_reported_the_bound_is_no_smaller(env_id):
-    drawn = bounds.instance(env_id, 0, perception="perfect")
-    strays = bounds.instance(env_id, 0, perception="perfect", backend="pybullet")
-    loose = bounds.instance(env_id, 0, perception="camera", backend="pybullet")
+    drawn: Any = bounds.instance(env_id, 0, perception="perfect")
+    strays: Any = bounds.instance(env_id, 0, perception="perfect", backend="pybullet")
+    loose: Any = bounds.instance(env_id, 0, perception="camera", backend="pybullet")
     assert drawn.shots.weeds <= strays.shots.weeds <= loose.shots.weeds
     one, two, three = (instance.bound() for instance in (drawn, strays, loose))
     assert one.net_rate <= two.net_rate <= three.net_rate <= 1.0

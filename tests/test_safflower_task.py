@@ -219,11 +219,11 @@ def test_reach_table_agrees_with_the_mechanism():
     luck=st.floats(-3.0, 3.0),
 )
 def test_more_strokes_cut_more_and_more_error_cuts_less(strokes, error, luck):
-    odds = math.exp(luck)
-    share = cut_share(SHEARS, strokes, *error, odds)
+    (along, across, up), odds = error, math.exp(luck)
+    share = cut_share(SHEARS, strokes, along, across, up, odds)
     assert 0.0 <= share <= 1.0
-    assert cut_share(SHEARS, strokes + 1, *error, odds) >= share
-    assert cut_share(SHEARS, strokes, *(1.1 * e for e in error), odds) <= share
+    assert cut_share(SHEARS, strokes + 1, along, across, up, odds) >= share
+    assert cut_share(SHEARS, strokes, 1.1 * along, 1.1 * across, 1.1 * up, odds) <= share
     long, short = (collected_share(dropped_share(PROCESS, s), odds) for s in (2.0, 1.0))
     assert long >= short
 

@@ -90,9 +90,7 @@ def test_doses_add_up_and_miss_with_distance():
         act(core, 3 * core.config.slots)
     core.state.track_aim[0, 0] = (0.002, 0.0)
     _, result = act(core, 0)
-    share = np.exp(
-        -2.0 * 0.002**2 / (0.003**2 + core.config.process.meristem_m[int(core.state.plant_kind[0, PAD])] ** 2)
-    )
+    share = np.exp(-2.0 * 0.002**2 / (0.003**2 + ProcessConfig().meristem_m[int(core.state.plant_kind[0, PAD])] ** 2))
     assert core.state.plant_dose[0, PAD] == pytest.approx(12.0 * share)
     assert result.rewards[0, 0] == 0.0
     # What was shot at is off the list, whether it died or not.
@@ -260,9 +258,9 @@ def test_a_shot_reaches_all_that_grows_there_and_nothing_else():
     while not core.option_legal(0, 3 * 5 + 2):
         act(core, 3 * core.config.slots)
     plan, _ = act(core, 3 * 5 + 2)
-    burn = Burn.of(core.config.process)
+    burn = Burn.of(ProcessConfig())
     offset = core.state.plant[0] - plan.aim[0]
-    expected = [dose(burn, 2, *xy, kind) for xy, kind in zip(offset.tolist(), core.state.plant_kind[0], strict=True)]
+    expected = [dose(burn, 2, x, y, kind) for (x, y), kind in zip(offset, core.state.plant_kind[0], strict=True)]
     assert np.count_nonzero(core.state.plant_dose[0] > 1.0) > 5
     assert core.state.plant_dose[0] == pytest.approx(expected, abs=1e-6)
 
