@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from fieldgym.benchmark import cluster, runner, store
+from fieldgym.benchmark import cluster, runner
 from fieldgym.benchmark.episode import run_episode
 from fieldgym.benchmark.record import Record, identity, key, untimed
 from fieldgym.benchmark.suites import BOUND, Case, Condition, Episode, Suite, suite
