@@ -12,7 +12,7 @@ BOUND = "bound"
 """Stands where a policy stands: what no policy can beat on that instance, see ``limits``."""
 
 QUICK_EPISODES = 8
-QUICK_TOUR_EPISODES = 3
+QUICK_TOUR_EPISODES = 2
 """The first environment is compared, the others are shown: together they take two minutes on two cores."""
 FULL_EPISODES = 200
 FULL_PYBULLET_EPISODES = 24
