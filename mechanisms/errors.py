@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import numpy as np
+
+from .batching import Array
+
 
 class UnreachablePoseError(ValueError):
     """A pose lies beyond a limit of the mechanism.
@@ -22,6 +28,24 @@ class UnreachablePoseError(ValueError):
             f"{mechanism} cannot reach {pose}{where}: limit '{limit}' is violated by {-margin:.4g}; "
             "choose a pose with margins(pose) >= 0 for every limit"
         )
+
+
+def raise_beyond_limits(mechanism: str, poses: Array, margins: Mapping[str, Array]) -> None:
+    """Raise for the first limit that a pose is beyond.
+
+    Args:
+        mechanism: its name.
+        poses: (..., k).
+        margins: by limit, (...); NaN counts as beyond, so what makes a margin NaN comes before it.
+
+    Raises:
+        UnreachablePoseError: names the limit and the first pose that is beyond it.
+    """
+    for name, margin in margins.items():
+        bad = np.argwhere(~(np.asarray(margin) >= 0.0))
+        if len(bad):
+            index = tuple(int(i) for i in bad[0])
+            raise UnreachablePoseError(mechanism, poses[index].tolist(), name, float(margin[index]), index)
 
 
 def positive_length(**lengths_m: float) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .batching import Array, as_points, in_chunks
-from .errors import UnreachablePoseError, positive_length
+from .errors import positive_length, raise_beyond_limits
 from .five_bar import Conditioning
 from .linear import apply, singular_values, solve_regular
 from .prrs_forward import solve_swings
@@ -130,7 +130,7 @@ class ThreePRRS:
 
         joints = in_chunks(kernel, poses, 6)
         if strict:
-            self._raise_beyond_limits(poses)
+            raise_beyond_limits(type(self).__name__, poses, self.margins(poses))
         return joints
 
     def forward(self, joints: ArrayLike, seed_pose: ArrayLike | None = None) -> ForwardResult:
@@ -404,14 +404,6 @@ class ThreePRRS:
         free = free_directions(leg_frame(legs.link), self.link_m)
         side = np.sqrt(3.0) * self.platform_radius_m
         table[15] = platform_lock(legs.arm, free, side) - self.min_platform_lock
-
-    def _raise_beyond_limits(self, poses: Array) -> None:
-        for name, margin in self.margins(poses).items():
-            # NaN margins belong to legs that cannot close, which a closure limit has already named.
-            bad = np.argwhere(margin < 0.0)
-            if len(bad):
-                index = tuple(int(i) for i in bad[0])
-                raise UnreachablePoseError("ThreePRRS", poses[index].tolist(), name, float(margin[index]), index)
 
 
 def _solve(matrix: Array, right: Array) -> Array:

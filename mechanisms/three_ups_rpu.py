@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from . import three_ups_rpu_geometry as geometry
 from .batching import Array, as_points, in_chunks
-from .errors import UnreachablePoseError, positive_length
+from .errors import positive_length, raise_beyond_limits
 from .five_bar import Conditioning
 from .linear import angle_of, apply, dot, singular_values, solve_regular
 from .three_ups_rpu_forward import ForwardResult, forward_by_continuation
@@ -157,7 +157,7 @@ class ThreeUPSRPU:
         """
         poses = as_points(pose, 4, "pose")
         if strict:
-            self._raise_beyond_limits(poses)
+            raise_beyond_limits(type(self).__name__, poses, self.margins(poses))
         return in_chunks(partial(geometry.leg_lengths_kernel, self.attachments), poses, 4)
 
     def forward(self, lengths: ArrayLike, seed_pose: ArrayLike) -> ForwardResult:
@@ -367,10 +367,3 @@ class ThreeUPSRPU:
         result["platform_tilt"] = self.max_platform_tilt_rad - angle_of(chains.rotation[..., 2, 2])
         result["clearance"] = geometry.leg_distances(chains).min(axis=-1) - self.leg_distance_m
         return result
-
-    def _raise_beyond_limits(self, poses: Array) -> None:
-        for name, margin in self.margins(poses).items():
-            bad = np.argwhere(~(np.asarray(margin) >= 0.0))
-            if len(bad):
-                index = tuple(int(i) for i in bad[0])
-                raise UnreachablePoseError("ThreeUPSRPU", poses[index].tolist(), name, float(margin[index]), index)

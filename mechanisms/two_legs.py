@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .batching import Array, as_points, in_chunks
-from .errors import UnreachablePoseError
+from .errors import raise_beyond_limits
 from .geometry import segment_distance
 from .linear import apply, dot
 from .workspace import Method, PlanarWorkspace, planar_workspace
@@ -112,7 +112,7 @@ class TwoLegs:
         points = as_points(position, 2, "position")
         joints = in_chunks(self._inverse_kernel, points, 2)
         if strict:
-            self._raise_beyond_limits(points)
+            raise_beyond_limits(type(self).__name__, points, self.margins(points))
         return joints
 
     def forward(self, joints: ArrayLike) -> Array:
@@ -309,16 +309,6 @@ class TwoLegs:
         (b, e), (c, d) = (np.moveaxis(points, -2, 0) for points in (pose.elbow, pose.wrist))
         pairs = ((motors[0], b, motors[1], e), (motors[0], b, d, e), (motors[1], e, b, c))
         return np.min(np.stack([segment_distance(*pair) for pair in pairs]), axis=0)
-
-    def _raise_beyond_limits(self, points: Array) -> None:
-        for name, margin in self.margins(points).items():
-            # NaN margins belong to legs that cannot close, which a reach or fold limit has already named.
-            bad = np.argwhere(margin < 0.0)
-            if len(bad):
-                index = tuple(int(i) for i in bad[0])
-                raise UnreachablePoseError(
-                    type(self).__name__, points[index].tolist(), name, float(margin[index]), index
-                )
 
 
 def determinant_of_pair(matrix: Array) -> Array:
