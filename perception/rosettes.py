@@ -78,6 +78,8 @@ def part(blob: Mask, smallest_px: int, most: int = 6) -> list[Rosette]:
         taken = np.zeros_like(rest)
         taken[plant.pixels[:, 0], plant.pixels[:, 1]] = 1
         left = rest & (1 - cv2.dilate(taken, np.ones((5, 5), np.uint8)))
+        if np.count_nonzero(left) < smallest_px:
+            continue
         count, labels, stats, _ = cv2.connectedComponentsWithStats(np.asarray(left, np.uint8), connectivity=8)
         sizes = stats[:, cv2.CC_STAT_AREA]
         queue += [(labels == i).astype(np.uint8) for i in range(1, count) if sizes[i] >= smallest_px]
@@ -127,8 +129,12 @@ def broad_bodies(mask: Mask, half_width_px: float, smallest_px: int) -> list[NDA
     away = np.asarray(cv2.distanceTransform((deep < half_width_px).astype(np.uint8), cv2.DIST_L2, 5))
     bodies = (away < half_width_px) if (deep >= half_width_px).any() else np.zeros(mask.shape, bool)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(bodies.astype(np.uint8), connectivity=8)
-    large = [i for i in range(1, count) if stats[i, cv2.CC_STAT_AREA] >= smallest_px]
-    return [np.argwhere(labels == i) for i in large]
+    found = []
+    for i in range(1, count):
+        x, y, w, h, size = (int(v) for v in stats[i])
+        if size >= smallest_px:
+            found.append(np.argwhere(labels[y : y + h, x : x + w] == i) + np.array([y, x]))
+    return found
 
 
 def slenderness(pixels: NDArray[np.int64]) -> float:

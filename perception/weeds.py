@@ -117,11 +117,11 @@ def detect_seedlings(
         fills.append(fill)
         boxes.append((low[1], low[0], high[1] - low[1] + 1, high[0] - low[0] + 1))
 
+    bodies = np.zeros_like(mask)
     for pixels in broad_bodies(mask, chosen.crop_leaf_m / pixel_m, int(chosen.crop_m2 / pixel_m**2)):
         add(pixels.mean(axis=0), pixels, 1.0)
-        body = np.zeros_like(mask)
-        body[pixels[:, 0], pixels[:, 1]] = 1
-        mask[cv2.dilate(body, _disc(2 * round(chosen.rim_m / pixel_m) + 1)) > 0] = 0
+        bodies[pixels[:, 0], pixels[:, 1]] = 1
+    mask[cv2.dilate(bodies, _disc(2 * round(chosen.rim_m / pixel_m) + 1)) > 0] = 0
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     for i in range(1, count):
         x, y, w, h, size = (int(v) for v in stats[i])

@@ -95,3 +95,14 @@ class Camera:
         return RgbdFrame(
             rgb, depth.astype(np.float32), CameraPose(intrinsics, world_from_gl @ np.diag([1.0, -1.0, -1.0, 1.0]))
         )
+
+
+def below_ground(frame: RgbdFrame) -> NDArray[np.bool_]:
+    """Pixels (h, w) that show what lies at or below the plane z = 0, or nothing; seen from above it."""
+    height, width = frame.depth_m.shape
+    turn = frame.camera.world_from_camera[2, :3]
+    # Fall of a ray of depth one, linear in the pixel.
+    across, down, at_corner = -(turn @ np.linalg.inv(frame.camera.intrinsics))
+    fall = np.float32(at_corner) + np.float32(across) * np.arange(width, dtype=np.float32)
+    fall = fall + (np.float32(down) * np.arange(height, dtype=np.float32))[:, None]
+    return frame.depth_m * fall >= np.float32(frame.camera.world_from_camera[2, 3])
