@@ -10,29 +10,19 @@ many points of net rate a policy is ahead of the queue, stream by stream; interv
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
 from rich.console import Console
 from rich.table import Column, Table
 
 import fieldgym
-from fieldgym.agents import make_policy, policy_names, reference_policy
-from fieldgym.agents.evaluation import Scores, evaluate
+from fieldgym.agents import policy_names, reference_policy
+from fieldgym.agents.evaluation import Scores
 from fieldgym.benchmark.statistics import mean, paired_difference
 from fieldgym.envs.sorting.config import SCENARIOS
-from fieldgym.scripts.weeding_policies import POLICY_SEED, words
+from fieldgym.scripts.comparison import play, words
 
 ENV_ID = next(env_id for env_id in fieldgym.ENV_IDS if "Sorting" in env_id)
 REFERENCE = reference_policy(ENV_ID)
-
-
-def play(policy: str, scenario: str, seeds: range, perception: str) -> Scores:
-    """Scores of a policy, an episode a seed."""
-
-    def make(env: Any) -> Any:
-        return make_policy(policy, env, seed=POLICY_SEED)
-
-    return evaluate(make, ENV_ID, seeds, scenario=scenario, perception=perception)
 
 
 def table_of(title: str, found: dict[str, Scores]) -> Table:
@@ -72,7 +62,8 @@ def main() -> None:
     options = parser.parse_args()
     console, seeds = Console(width=160), range(options.first_seed, options.first_seed + options.seeds)
     for scenario in options.scenarios.split(","):
-        found = {name: play(name, scenario, seeds, options.perception) for name in policy_names(ENV_ID)}
+        settings = {"scenario": scenario, "perception": options.perception}
+        found = {name: play(ENV_ID, name, seeds, **settings) for name in policy_names(ENV_ID)}
         title = f"{scenario}, {options.perception} perception, seeds {seeds[0]}-{seeds[-1]}"
         console.print(table_of(title, found))
 

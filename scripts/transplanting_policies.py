@@ -10,42 +10,17 @@ from __future__ import annotations
 
 import argparse
 
-import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Column, Table
 
 import fieldgym
-from fieldgym.agents import make_policy, policy_names, reference_policy
-from fieldgym.benchmark.statistics import Estimate, mean, paired_difference
+from fieldgym.agents import policy_names, reference_policy
+from fieldgym.benchmark.statistics import mean, paired_difference
 from fieldgym.envs.transplanting.config import MOTIONS, SCENARIOS
+from fieldgym.scripts.comparison import play, words
 
 ENV_ID = next(env_id for env_id in fieldgym.ENV_IDS if "Transplanting" in env_id)
-POLICY_SEED = 1_000_000
-
-
-def play(scenario: str, policy_name: str, seeds: int, motion: str) -> dict[str, NDArray[np.float64]]:
-    """Scores (seeds,) of a policy, by name, each world at the end of its own episode."""
-    env = gym.make_vec(ENV_ID, num_envs=seeds, scenario=scenario, motion=motion, autoreset_mode="Disabled")
-    policy = make_policy(policy_name, env, seed=POLICY_SEED)
-    observation, info = env.reset(seed=0)
-    over = np.zeros(seeds, bool)
-    final = {name: np.zeros(seeds) for name in info["scorecard"] if not name.startswith("_")}
-    while not over.all():
-        observation, _, terminated, truncated, info = env.step(policy.act(observation))
-        ended = ~over & (terminated | truncated)
-        for name, values in final.items():
-            values[ended] = info["scorecard"][name][ended]
-        over |= ended
-    env.close()
-    return final
-
-
-def words(estimate: Estimate, digits: int, scale: float = 1.0) -> str:
-    """An estimate with its interval."""
-    value, low, high = (scale * x for x in (estimate.value, estimate.low, estimate.high))
-    return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
 
 def main() -> None:
@@ -55,16 +30,17 @@ def main() -> None:
     parser.add_argument("--scenarios", default=",".join(SCENARIOS), help="names, with commas between")
     parser.add_argument("--motion", default="stop-quintic", choices=MOTIONS)
     options = parser.parse_args()
-    console, reference = Console(), reference_policy(ENV_ID)
+    console, reference, seeds = Console(), reference_policy(ENV_ID), range(options.seeds)
     for scenario in options.scenarios.split(","):
         table = Table(
             Column("policy", no_wrap=True),
             *("cycle time, s", "net rate, %", "seedlings/min", "shorter way, %", "shorter time, %"),
             title=f"{scenario}, {options.motion}, seeds 0-{options.seeds - 1}",
         )
-        base = play(scenario, reference, options.seeds, options.motion)
+        settings = {"scenario": scenario, "motion": options.motion}
+        base = play(ENV_ID, reference, seeds, **settings).scorecard
         for name in policy_names(ENV_ID):
-            found = base if name == reference else play(scenario, name, options.seeds, options.motion)
+            found = base if name == reference else play(ENV_ID, name, seeds, **settings).scorecard
             gains = []
             for measure in ("travel_m", "duration_s"):
                 each, other = (scores[measure] / np.maximum(scores["done"], 1.0) for scores in (found, base))

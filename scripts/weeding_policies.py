@@ -21,20 +21,14 @@ from rich.console import Console
 from rich.table import Column, Table
 
 import fieldgym
-from fieldgym.agents import make_policy, policy_names
-from fieldgym.agents.evaluation import Scores, evaluate
+from fieldgym.agents import policy_names
+from fieldgym.agents.evaluation import Scores
 from fieldgym.agents.portable import LEARNED
-from fieldgym.benchmark.statistics import Estimate, mean, paired_difference
+from fieldgym.benchmark.statistics import mean, paired_difference
 from fieldgym.envs.weeding.config import SCENARIOS, ScenarioConfig
+from fieldgym.scripts.comparison import play, words
 
-POLICY_SEED = 1_000_000
 WEEDING = {env_id.split("/")[1].split("-v")[0]: env_id for env_id in fieldgym.ENV_IDS if "Weeding" in env_id}
-
-
-def words(estimate: Estimate, digits: int, scale: float = 1.0) -> str:
-    """An estimate with its interval."""
-    value, low, high = (scale * x for x in (estimate.value, estimate.low, estimate.high))
-    return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
 
 def tiers(names: list[str], loads: list[float]) -> dict[str, ScenarioConfig]:
@@ -43,15 +37,10 @@ def tiers(names: list[str], loads: list[float]) -> dict[str, ScenarioConfig]:
     return others | {name: SCENARIOS[name] for name in names}
 
 
-def play(env_id: str, policy: str, scenario: ScenarioConfig, seeds: range, perception: str) -> Scores:
-    """Scores of a policy, an episode a seed."""
-
-    def make(env: Any) -> Any:
-        return make_policy(policy, env, seed=POLICY_SEED)
-
+def config_of(env_id: str, scenario: ScenarioConfig) -> Any:
+    """Configuration of an environment on a tier that need not have a name."""
     probe: Any = gym.make_vec(env_id, 1, vectorization_mode="vector_entry_point")
-    config = replace(probe.unwrapped.core.config, scenario=scenario)
-    return evaluate(make, env_id, seeds, config=config, perception=perception)
+    return replace(probe.unwrapped.core.config, scenario=scenario)
 
 
 def table_of(title: str, found: dict[str, Scores]) -> Table:
@@ -97,11 +86,8 @@ def main() -> None:
     names = [name for name in options.scenarios.split(",") if name]
     loads = [float(load) for load in options.loads.split(",") if load]
     for tier, scenario in tiers(names, loads).items():
-        found = {
-            name: play(env_id, name, scenario, seeds, options.perception)
-            for name in policy_names(env_id)
-            if name != LEARNED
-        }
+        settings = {"config": config_of(env_id, scenario), "perception": options.perception}
+        found = {name: play(env_id, name, seeds, **settings) for name in policy_names(env_id) if name != LEARNED}
         title = f"{options.id} {tier}, {options.perception} perception, seeds {seeds[0]}-{seeds[-1]}"
         console.print(table_of(title, found))
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fieldgym.agents import bounds, make_policy, policy_names
+from fieldgym.agents import bounds, make_policy
 from fieldgym.agents.bounds import shots, strip, timeline, weeding
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.envs.weeding.aim import LaserArm, LaserReach
@@ -93,28 +93,15 @@ def test_haste_binds():
     ("env_id", "scenario"),
     [(LASER, "load-1.25"), (LASER, "load-1.6-even"), (LASER, "dense"), (SPEED, "load-1.25"), (HOE, "load-1.25")],
 )
-def test_no_policy_beats_the_bound(env_id, scenario):
-    seeds = range(3)
-    instances = [bounds.instance(env_id, seed, scenario=scenario) for seed in seeds]
-    found = [instance.bound() for instance in instances]
-    for name in policy_names(env_id):
-
-        def make(env: Any, name: str = name) -> Any:
-            return make_policy(name, env, 1)
-
-        scores = evaluate(make, env_id, seeds, scenario=scenario)
-        for i, (instance, bound) in enumerate(zip(instances, found, strict=True)):
-            rate = scores.scorecard["net_rate"][i]
-            assert rate <= bound.net_rate + EXACT, name
-            assert scores.returns[i] <= bound.episode_return + EXACT, name
-            assert scores.scorecard["cycle_time_s"][i] >= instance.cycle_time_at(rate - EXACT) - EXACT, name
+def test_no_policy_beats_the_bound(env_id, scenario, no_policy_beats):
+    no_policy_beats(env_id, range(3), scenario)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("env_id", [LASER, SPEED])
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_no_policy_beats_the_bound_in_any_field(env_id, scenario):
-    test_no_policy_beats_the_bound(env_id, scenario)
+def test_no_policy_beats_the_bound_in_any_field(env_id, scenario, no_policy_beats):
+    no_policy_beats(env_id, range(3), scenario)
 
 
 def test_a_schedule_that_knows_everything_comes_near_the_bound():
