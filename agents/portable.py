@@ -12,6 +12,7 @@ import json
 import os
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -123,9 +124,9 @@ class LearnedPolicy(StatelessPolicy):
 
     def resized(self, candidates: int) -> LearnedPolicy:
         """The same weights for another number of slots; what was learned of K is kept as it is."""
-        layout = self.layout
-        other = Layout(layout.machine, candidates, layout.features, layout.options, layout.extras, layout.blocks)
-        return LearnedPolicy(other, self.hidden, self.weights, self.card, self.name)
+        return LearnedPolicy(
+            replace(self.layout, candidates=candidates), self.hidden, self.weights, self.card, self.name
+        )
 
 
 def save(path: Path, layout: Layout, hidden: int, weights: Weights, card: Mapping[str, Any]) -> None:
@@ -183,6 +184,8 @@ def load_for(path: Path, env: Any, name: str | None = None) -> LearnedPolicy:
         PolicyFileError: it was made for another task.
     """
     policy, layout = load(path, name), layout_of(env)
+    if policy.card.get("adviser") is not None:
+        layout = layout.advised()
     spec = env.unwrapped.spec
     made_for = policy.card.get("env_id")
     if spec is not None and made_for not in (None, spec.id):

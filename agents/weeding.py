@@ -17,6 +17,7 @@ from ..envs.weeding.features import (
     candidate_table,
 )
 from ..envs.weeding.rules import MODES
+from .advice import advice_of
 from .policy import Actions, Observation, StatelessPolicy
 from .weeding_outlook import outlook
 
@@ -163,31 +164,51 @@ class KillPerSecond(ScriptedWeeder):
         return self.fire(np.where(view.legal, view.value / view.time_s, -np.inf))
 
 
-class AtSpeed:
-    """Another rule's shots at a constant speed, a multiple of the scenario's own."""
+class _SpeedRule:
+    """Another rule's shots, and whether to hold, lower or raise the speed: blocks 0, 1 and 2 of the actions."""
 
-    def __init__(self, policy: ScriptedWeeder, factor: float):
-        """Drive at ``factor`` times the scenario's speed, as near as the notches allow."""
-        self.name = f"constant-{factor:g}"
+    def __init__(self, policy: ScriptedWeeder):
         self._policy = policy
-        config = policy.config
-        low, high = config.cart.speed_range_m_s
-        self._target = min(max(factor * config.speed_m_s, low), high)
-        self._half = 0.5 * config.cart.notch_m_s
-        self._block = 3 * config.slots + 1
+        self._block = _M * policy.config.slots + 1
+
+    def change(self, observation: Observation) -> NDArray[np.int64]:
+        """Block (B,) of the action."""
+        raise NotImplementedError
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
-        speed = observation["machine"][:, _MACHINE["set_speed"]] * SPEED_SCALE
-        change = np.where(speed > self._target + self._half, 1, np.where(speed < self._target - self._half, 2, 0))
-        return change * self._block + self._policy.act(observation)
+        return self.change(observation) * self._block + self._policy.act(observation)
+
+    def advise(self, observation: Observation) -> NDArray[np.float32]:
+        """How good each action is beside the chosen one, (B, actions); half as good with another change of speed."""
+        shots = advice_of(self._policy, observation, self._block)
+        change = self.change(observation)[:, None] == np.arange(observation["action_mask"].shape[1] // self._block)
+        return (np.where(change, 1.0, 0.5)[..., None] * shots[:, None]).reshape(len(shots), -1).astype(np.float32)
 
     def reset(self, rows: NDArray[np.bool_]) -> None:
         """Forget."""
         self._policy.reset(rows)
 
 
-class HoldBacklog:
+class AtSpeed(_SpeedRule):
+    """Another rule's shots at a constant speed, a multiple of the scenario's own."""
+
+    def __init__(self, policy: ScriptedWeeder, factor: float):
+        """Drive at ``factor`` times the scenario's speed, as near as the notches allow."""
+        super().__init__(policy)
+        self.name = f"constant-{factor:g}"
+        config = policy.config
+        low, high = config.cart.speed_range_m_s
+        self._target = min(max(factor * config.speed_m_s, low), high)
+        self._half = 0.5 * config.cart.notch_m_s
+
+    def change(self, observation: Observation) -> NDArray[np.int64]:
+        """Block (B,) of the action."""
+        speed = observation["machine"][:, _MACHINE["set_speed"]] * SPEED_SCALE
+        return np.where(speed > self._target + self._half, 1, np.where(speed < self._target - self._half, 2, 0))
+
+
+class HoldBacklog(_SpeedRule):
     """Another rule's shots, faster or slower so that the work in the window stays a constant share of its time.
 
     The backlog is the time that the candidates' label doses and mean moves would take, over the time until the last
@@ -198,13 +219,13 @@ class HoldBacklog:
 
     def __init__(self, policy: ScriptedWeeder, low: float = 0.75, high: float = 0.95):
         """Hold the backlog between ``low`` and ``high``."""
-        self._policy, self._low, self._high = policy, low, high
-        self._block = 3 * policy.config.slots + 1
+        super().__init__(policy)
+        self._low, self._high = low, high
         self._front = policy.outlook.arm.front_m
         self._move_s = policy.config.nominal_move_s
 
-    def act(self, observation: Observation) -> Actions:
-        """Actions (B,)."""
+    def change(self, observation: Observation) -> NDArray[np.int64]:
+        """Block (B,) of the action."""
         view = self._policy.read(observation)
         table = candidate_table(observation)
         present = table[..., 0] > 0.5
@@ -212,9 +233,4 @@ class HoldBacklog:
         way = np.where(present, table[..., _COLUMN["along"]] * ALONG_SCALE_M + self._front, 0.0).max(axis=1)
         speed = np.maximum(observation["machine"][:, _MACHINE["set_speed"]] * SPEED_SCALE, 1e-3)
         backlog = work * speed / np.maximum(way, 0.5 * self._front)
-        change = np.where(backlog > self._high, 1, np.where(backlog < self._low, 2, 0))
-        return change * self._block + self._policy.act(observation)
-
-    def reset(self, rows: NDArray[np.bool_]) -> None:
-        """Forget."""
-        self._policy.reset(rows)
+        return np.where(backlog > self._high, 1, np.where(backlog < self._low, 2, 0))
