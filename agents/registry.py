@@ -17,7 +17,7 @@ Factory = Callable[[Any, int], Policy]
 
 
 def _safflower() -> dict[str, Factory]:
-    from .safflower import FixedOrder, GramsPerSecond, Nearest, NearestTwoOpt
+    from .safflower import FixedOrder, GramsPerSecond, Nearest, NearestTwoOpt, Route
 
     return {
         "random": lambda config, seed: RandomPolicy(seed),
@@ -25,6 +25,7 @@ def _safflower() -> dict[str, Factory]:
         "nearest": lambda config, seed: Nearest(),
         "nearest-2opt": lambda config, seed: NearestTwoOpt(config),
         "grams-per-second": lambda config, seed: GramsPerSecond(config),
+        "route": lambda config, seed: Route(config),
     }
 
 

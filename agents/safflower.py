@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from ..envs.safflower.features import (
 )
 from ..motion import QUINTIC
 from .policy import Actions, Observation, StatelessPolicy
-from .routes import open_route
+from .routes import open_route, shortest_route
 
 NORMAL = EFFORTS.index("normal")
 _COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
@@ -67,10 +68,8 @@ class Nearest(StatelessPolicy):
         return _pick(travel.argmin(axis=1), NORMAL, open_heads.any(axis=1), open_heads.shape[1])
 
 
-class NearestTwoOpt(StatelessPolicy):
-    """The first head of an open route through all open heads at the stop: nearest neighbour mended by 2-opt moves."""
-
-    name = "nearest-2opt"
+class _Routes:
+    """Routes through candidates by the machine's own move times."""
 
     def __init__(self, config: SafflowerConfig):
         """Take the machine's rates from the configuration."""
@@ -78,14 +77,15 @@ class NearestTwoOpt(StatelessPolicy):
         self._velocity = np.array([picker.cart_velocity_m_s, picker.tool_velocity_m_s])
         self._acceleration = np.array([picker.cart_acceleration_m_s2, picker.tool_acceleration_m_s2])
 
-    def act(self, observation: Observation) -> Actions:
-        """Actions (B,)."""
-        open_heads = wanted(observation)
-        slot = np.zeros(len(open_heads), np.int64)
-        for row in np.flatnonzero(open_heads.any(axis=1)).tolist():
-            slots = np.flatnonzero(open_heads[row])
-            slot[row] = slots[open_route(self._move_times(observation, row, slots))[0]]
-        return _pick(slot, NORMAL, open_heads.any(axis=1), open_heads.shape[1])
+    def first(
+        self, observation: Observation, heads: NDArray[np.bool_], route: Callable[[NDArray[np.float64]], list[int]]
+    ) -> NDArray[np.int64]:
+        """First slot (B,) of a route through ``heads`` (B, K); 0 where there are none."""
+        slot = np.zeros(len(heads), np.int64)
+        for row in np.flatnonzero(heads.any(axis=1)).tolist():
+            slots = np.flatnonzero(heads[row])
+            slot[row] = slots[route(self._move_times(observation, row, slots))[0]]
+        return slot
 
     def _move_times(self, observation: Observation, row: int, slots: NDArray[np.int64]) -> NDArray[np.float64]:
         """Seconds between the arm (index 0) and the candidates (1..n); rise and descent are the same in any order."""
@@ -96,6 +96,22 @@ class NearestTwoOpt(StatelessPolicy):
         places = np.column_stack([ahead, sideways])
         strokes = places[:, None] - places[None]
         return QUINTIC.duration_unchecked(strokes, self._velocity, self._acceleration).max(axis=-1)
+
+
+class NearestTwoOpt(StatelessPolicy):
+    """The first head of an open route through all open heads at the stop: nearest neighbour mended by 2-opt moves."""
+
+    name = "nearest-2opt"
+
+    def __init__(self, config: SafflowerConfig):
+        """Take the machine's rates from the configuration."""
+        self._routes = _Routes(config)
+
+    def act(self, observation: Observation) -> Actions:
+        """Actions (B,)."""
+        open_heads = wanted(observation)
+        slot = self._routes.first(observation, open_heads, open_route)
+        return _pick(slot, NORMAL, open_heads.any(axis=1), open_heads.shape[1])
 
 
 class GramsPerSecond(StatelessPolicy):
@@ -124,6 +140,17 @@ class GramsPerSecond(StatelessPolicy):
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
+        surplus, travel_s, worth = self._weigh(observation)
+        slot = self._next(observation, travel_s, worth)
+        effort = surplus[np.arange(len(slot)), slot].argmax(axis=-1)
+        return _pick(slot, effort, worth.any(axis=1), worth.shape[1])
+
+    def _next(self, observation: Observation, travel_s: NDArray[Any], worth: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Slot (B,) of the next head among those that are worth their time."""
+        return np.where(worth, -travel_s, -np.inf).argmax(axis=1)
+
+    def _weigh(self, observation: Observation) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_]]:
+        """Expected surplus (B, K, efforts), travel times (B, K), and which heads are worth their time (B, K)."""
         candidates, machine = candidate_table(observation), observation["machine"]
         open_heads = wanted(observation)
         used = machine[:, MACHINE_FEATURES.index("time")]
@@ -137,6 +164,21 @@ class GramsPerSecond(StatelessPolicy):
         travel_s = candidates[..., _COLUMN["travel"]] * TRAVEL_SCALE_S
         surplus = area[..., None] * self._grams - second * (travel_s[..., None] + self._process_s)
         worth = open_heads & ((surplus.max(axis=-1) > 0.0) | tight[:, None])
-        slot = np.where(worth, -travel_s, -np.inf).argmax(axis=1)
-        effort = surplus[np.arange(len(slot)), slot].argmax(axis=-1)
-        return _pick(slot, effort, worth.any(axis=1), open_heads.shape[1])
+        return surplus, travel_s, worth
+
+
+class Route(GramsPerSecond):
+    """The first head of the quickest open route through all heads that are worth their time, with the effort that pays.
+
+    Which heads, and how thoroughly, is decided as ``GramsPerSecond`` does.
+    """
+
+    name = "route"
+
+    def __init__(self, config: SafflowerConfig):
+        """Take efforts and the machine's rates from the configuration."""
+        super().__init__(config)
+        self._routes = _Routes(config)
+
+    def _next(self, observation: Observation, travel_s: NDArray[Any], worth: NDArray[np.bool_]) -> NDArray[np.int64]:
+        return self._routes.first(observation, worth, shortest_route)
