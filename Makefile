@@ -1,4 +1,5 @@
 # make benchmark   the scripted policies on the papers' protocols, in PyBullet; the table ends up in results/quick/
+# make leaderboard every policy on the headline scenarios, under an hour; docs/leaderboard.md and results/report.html
 # make test        the tests
 # make lint        ruff and pyright
 # make clean       delete what the other targets made, the results excepted
@@ -22,11 +23,15 @@ INPUTS := pyproject.toml constraints.txt Makefile
 CORE := $(VENV)/.fieldgym-core
 FULL := $(VENV)/.fieldgym-$(EXTRAS)
 
-.PHONY: benchmark test lint setup clean
+.PHONY: benchmark leaderboard test lint setup clean
 .DEFAULT_GOAL := benchmark
 
 benchmark: $(CORE)
 	$(BIN)/fieldgym benchmark --suite quick --out results
+
+leaderboard: $(FULL)
+	$(BIN)/fieldgym benchmark --suite full --out results --resume
+	$(BIN)/fieldgym report results/full --out results/report.html --leaderboard docs/leaderboard.md
 
 test: $(FULL)
 	$(BIN)/python -m pytest -n $(JOBS)
