@@ -101,7 +101,8 @@ class NativeVecEnv(VecEnv):
         self.native: TaskVectorEnv[Any, Any] = native
         self._adviser, self._task_layout = adviser, layout_of(native)
         self.layout = self._task_layout if adviser is None else self._task_layout.advised()
-        spaces = dict(native.single_observation_space.spaces)
+        space: Any = native.single_observation_space
+        spaces = dict(space.spaces)
         if adviser is not None:
             wide = {"machine": self.layout.machine, "candidates": self.layout.candidates * self.layout.features}
             for name, size in wide.items():

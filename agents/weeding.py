@@ -60,6 +60,8 @@ class ScriptedWeeder(StatelessPolicy):
         config: the task's public numbers; they say which tool there is.
     """
 
+    name: str
+
     def __init__(self, config: Any):
         """Take the tool's chances and times."""
         self.config, self.outlook = config, outlook(config)

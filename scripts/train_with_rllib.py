@@ -29,8 +29,8 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="processes that play (default 1)")
     options = parser.parse_args()
     try:
-        from ray.rllib.algorithms.ppo import PPOConfig
-        from ray.tune.registry import register_env
+        from ray.rllib.algorithms.ppo import PPOConfig  # pyright: ignore[reportMissingImports]
+        from ray.tune.registry import register_env  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         parser.error(f"{error.name} is missing: see the head of this script for the environment that it needs")
 
