@@ -38,10 +38,11 @@ class PolicyFileError(ValueError):
     """A policy file cannot be used; the message says why and what to do."""
 
 
-def shapes(layout: Layout, hidden: int) -> dict[str, tuple[int, ...]]:
+def shapes(layout: Layout, hidden: int, relations: int = 0) -> dict[str, tuple[int, ...]]:
     """Names and shapes of an actor's weights, as ``set_policy.SetActor`` names them."""
-    h = hidden
-    return {
+    h, r = hidden, relations
+    heard = {"from_one.weight": (r, h), "from_one.bias": (r,), "to_other.weight": (r, h)} if r else {}
+    return heard | {
         "encoder.candidate.weight": (h, layout.features),
         "encoder.candidate.bias": (h,),
         "encoder.machine.weight": (h, layout.machine),
@@ -49,7 +50,7 @@ def shapes(layout: Layout, hidden: int) -> dict[str, tuple[int, ...]]:
         "encoder.second.bias": (h,),
         "encoder.context.weight": (h, 2 * h + layout.machine + 1),
         "encoder.context.bias": (h,),
-        "own.weight": (h, h),
+        "own.weight": (h, h + 2 * r),
         "own.bias": (h,),
         "shared.weight": (h, h),
         "options.weight": (layout.blocks * layout.options, h),
@@ -68,13 +69,22 @@ class LearnedPolicy(StatelessPolicy):
         card: what is known of it: task, settings, seeds, scores, weaknesses.
     """
 
-    def __init__(self, layout: Layout, hidden: int, weights: Weights, card: Mapping[str, Any], name: str = LEARNED):
+    def __init__(
+        self,
+        layout: Layout,
+        hidden: int,
+        weights: Weights,
+        card: Mapping[str, Any],
+        name: str = LEARNED,
+        *,
+        relations: int = 0,
+    ):
         """Take checked weights.
 
         Raises:
             PolicyFileError: a weight is missing, of the wrong shape or type, or not finite.
         """
-        wanted = shapes(layout, hidden)
+        wanted = shapes(layout, hidden, relations)
         if set(weights) != set(wanted):
             odd = sorted(set(weights) ^ set(wanted))
             raise PolicyFileError(f"the weights {', '.join(map(repr, odd[:4]))} are missing or unknown")
@@ -84,7 +94,7 @@ class LearnedPolicy(StatelessPolicy):
                 raise PolicyFileError(f"weight {key!r} is {values.dtype} {values.shape}, wanted float32 {shape}")
             if not np.isfinite(values).all():
                 raise PolicyFileError(f"weight {key!r} holds numbers that are not finite")
-        self.name, self.layout, self.hidden, self.card = name, layout, hidden, dict(card)
+        self.name, self.layout, self.hidden, self.relations, self.card = name, layout, hidden, relations, dict(card)
         self.weights = {key: np.ascontiguousarray(values) for key, values in weights.items()}
         # Transposed once: a matrix product with the batch in front is what every call needs.
         self._w = {key: np.ascontiguousarray(values.T) for key, values in self.weights.items()}
@@ -117,10 +127,20 @@ class LearnedPolicy(StatelessPolicy):
         mean = there.sum(axis=1) / np.maximum(count, 1.0)
         pooled = np.concatenate([mean, there.max(axis=1), machine, count / np.float32(layout.candidates)], axis=1)
         context = np.maximum(pooled @ w["encoder.context.weight"] + w["encoder.context.bias"], 0.0)
+        if self.relations:
+            code = np.concatenate([code, self._heard(code, present)], axis=2)
         joined = code @ w["own.weight"] + w["own.bias"] + (context @ w["shared.weight"])[:, None]
         slots = (np.maximum(joined, 0.0) @ w["options.weight"] + w["options.bias"]) * present
         extras = context @ w["extras.weight"] + w["extras.bias"]
         return layout.join(slots, extras, np.concatenate)
+
+    def _heard(self, code: NDArray[np.float32], present: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Mean and maximum (B, K, 2 R) over the present candidates of what each is to each candidate (B, K, H)."""
+        w, there = self._w, present[:, None]
+        one = code @ w["from_one.weight"] + w["from_one.bias"]
+        pairs = np.maximum(one[:, :, None] + (code @ w["to_other.weight"])[:, None], 0.0) * there
+        mean = pairs.sum(axis=2) / np.maximum(there.sum(axis=2), 1.0)
+        return np.concatenate([mean, pairs.max(axis=2)], axis=2)
 
     def resized(self, candidates: int) -> LearnedPolicy:
         """The same weights for another number of slots; what was learned of K is kept as it is."""
@@ -129,7 +149,9 @@ class LearnedPolicy(StatelessPolicy):
         )
 
 
-def save(path: Path, layout: Layout, hidden: int, weights: Weights, card: Mapping[str, Any]) -> None:
+def save(
+    path: Path, layout: Layout, hidden: int, weights: Weights, card: Mapping[str, Any], *, relations: int = 0
+) -> None:
     """Write ``path`` (``.npz``) and its card (``.json``), each to a temporary name first.
 
     Args:
@@ -138,20 +160,21 @@ def save(path: Path, layout: Layout, hidden: int, weights: Weights, card: Mappin
         hidden: width of the actor.
         weights: as ``shapes`` names them, float32.
         card: whatever should be known of the policy, JSON values.
+        relations: numbers that candidates hear of each other.
 
     Raises:
         PolicyFileError: the weights do not fit, or the files would be too large.
     """
     if path.suffix != ".npz":
         raise PolicyFileError(f"{path}: name a file that ends in .npz")
-    LearnedPolicy(layout, hidden, weights, card)
+    LearnedPolicy(layout, hidden, weights, card, relations=relations)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **weights)  # type: ignore[arg-type]
     if len(buffer.getvalue()) > MOST_BYTES:
         raise PolicyFileError(
             f"{path} would have {len(buffer.getvalue())} bytes, at most {MOST_BYTES}: use less hidden"
         )
-    head = {"format": FORMAT, "layout": vars(layout), "hidden": hidden}
+    head = {"format": FORMAT, "layout": vars(layout), "hidden": hidden, "relations": relations}
     text = json.dumps({**head, **card}, indent=2, allow_nan=False) + "\n"
     _replace(path, buffer.getvalue())
     _replace(path.with_suffix(".json"), text.encode())
@@ -166,13 +189,14 @@ def load(path: Path, name: str | None = None) -> LearnedPolicy:
     card = _read_card(path.with_suffix(".json"))
     try:
         hidden = _integer(card.get("hidden"), "hidden")
+        relations = _integer(card.get("relations", 0), "relations")
         layout = Layout(**{str(key): _integer(value, key) for key, value in card["layout"].items()})
     except (TypeError, AttributeError, ValueError, KeyError) as error:
         raise PolicyFileError(f"{path.with_suffix('.json')}: its layout cannot be used ({error})") from None
-    if not 1 <= hidden <= MOST_HIDDEN or max(vars(layout).values()) > 4096:
+    if not (1 <= hidden <= MOST_HIDDEN and 0 <= relations <= MOST_HIDDEN) or max(vars(layout).values()) > 4096:
         raise PolicyFileError(f"{path.with_suffix('.json')}: hidden = {hidden} or its layout is out of range")
     try:
-        return LearnedPolicy(layout, hidden, _read_weights(path), card, name or LEARNED)
+        return LearnedPolicy(layout, hidden, _read_weights(path), card, name or LEARNED, relations=relations)
     except PolicyFileError as error:
         raise PolicyFileError(f"{path}: {error}") from None
 

@@ -57,14 +57,21 @@ class SetEncoder(nn.Module):
 
 
 class SetActor(nn.Module):
-    """Logits (B, actions); those of empty slots are zero."""
+    """Logits (B, actions); those of empty slots are zero.
 
-    def __init__(self, layout: Layout, hidden: int):
+    With ``relations`` every candidate also hears of each of the others how the two are to each other (mean and maximum
+    of as many numbers; Santoro et al. 2017, relation networks), which pooled codes cannot say.
+    """
+
+    def __init__(self, layout: Layout, hidden: int, relations: int = 0):
         """Make the layers."""
         super().__init__()
-        self.layout = layout
+        self.layout, self.relations = layout, relations
         self.encoder = SetEncoder(layout, hidden)
-        self.own = nn.Linear(hidden, hidden)
+        if relations:
+            self.from_one = nn.Linear(hidden, relations)
+            self.to_other = nn.Linear(hidden, relations, bias=False)
+        self.own = nn.Linear(hidden + 2 * relations, hidden)
         self.shared = nn.Linear(hidden, hidden, bias=False)
         self.options = nn.Linear(hidden, layout.blocks * layout.options)
         self.extras = nn.Linear(hidden, layout.blocks * layout.extras)
@@ -73,9 +80,23 @@ class SetActor(nn.Module):
         """Logits of machine (B, m) and candidates (B, K, F)."""
         b, slots = len(machine), self.layout.candidates
         code, world, place, context = self.encoder(machine, candidates)
+        if self.relations:
+            code = torch.cat([code, self._heard(code, place, b)], dim=1)
         options = self.options(torch.relu(self.own(code) + self.shared(context).index_select(0, world)))
         spread = options.new_zeros(b * slots, options.shape[1]).index_copy(0, place, options)
         return self.layout.join(spread.view(b, slots, -1), self.extras(context), torch.cat)
+
+    def _heard(self, code: Tensor, place: Tensor, worlds: int) -> Tensor:
+        """Mean and maximum (N, 2 R) over a world's candidates of what each is to the candidates (N, H) in turn."""
+        slots, r = self.layout.candidates, self.relations
+        there = code.new_zeros(worlds * slots).index_fill(0, place, 1.0).view(worlds, 1, slots, 1)
+        one, other = (
+            code.new_zeros(worlds * slots, r).index_copy(0, place, of(code)).view(worlds, slots, r)
+            for of in (self.from_one, self.to_other)
+        )
+        pairs = torch.relu(one[:, :, None] + other[:, None]) * there
+        mean = pairs.sum(dim=2) / there.sum(dim=2).clamp(min=1.0)
+        return torch.cat([mean, pairs.amax(dim=2)], dim=2).view(worlds * slots, 2 * r).index_select(0, place)
 
 
 class SetCritic(nn.Module):
@@ -97,12 +118,12 @@ class SetCritic(nn.Module):
 class SetNetwork(nn.Module):
     """Actor and critic over the concatenated observation, in the place where SB3 has its ``mlp_extractor``."""
 
-    def __init__(self, layout: Layout, hidden: int, critic_hidden: int):
+    def __init__(self, layout: Layout, hidden: int, critic_hidden: int, relations: int):
         """Make the layers."""
         super().__init__()
         self.layout = layout
         self.latent_dim_pi, self.latent_dim_vf = layout.actions, 1
-        self.actor = SetActor(layout, hidden)
+        self.actor = SetActor(layout, hidden, relations)
         self.critic = SetCritic(layout, critic_hidden)
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
@@ -133,17 +154,24 @@ class _SetPolicy:
     layout: Layout
     hidden: int
     critic_hidden: int
+    relations: int
     mlp_extractor: Any
 
     def __init__(
-        self, *args: Any, layout: dict[str, int] | Layout, hidden: int = 64, critic_hidden: int = 64, **kwargs: Any
+        self,
+        *args: Any,
+        layout: dict[str, int] | Layout,
+        hidden: int = 64,
+        critic_hidden: int = 64,
+        relations: int = 0,
+        **kwargs: Any,
     ):
         self.layout = layout if isinstance(layout, Layout) else Layout(**layout)
-        self.hidden, self.critic_hidden = hidden, critic_hidden
+        self.hidden, self.critic_hidden, self.relations = hidden, critic_hidden, relations
         super().__init__(*args, net_arch=[], **kwargs)  # type: ignore[call-arg]
 
     def _build(self, lr_schedule: Any) -> None:
-        self.mlp_extractor = SetNetwork(self.layout, self.hidden, self.critic_hidden)
+        self.mlp_extractor = SetNetwork(self.layout, self.hidden, self.critic_hidden, self.relations)
         network = self.mlp_extractor
         for module in network.modules():
             if isinstance(module, nn.Linear):
@@ -159,7 +187,8 @@ class _SetPolicy:
     def _get_constructor_parameters(self) -> dict[str, Any]:
         data = super()._get_constructor_parameters()  # type: ignore[misc]
         data.pop("net_arch", None)
-        return {**data, "layout": self.layout, "hidden": self.hidden, "critic_hidden": self.critic_hidden}
+        sizes = {"hidden": self.hidden, "critic_hidden": self.critic_hidden, "relations": self.relations}
+        return {**data, "layout": self.layout, **sizes}
 
 
 class MaskableSetPolicy(_SetPolicy, MaskableMultiInputActorCriticPolicy):
@@ -170,6 +199,7 @@ class MaskableSetPolicy(_SetPolicy, MaskableMultiInputActorCriticPolicy):
         layout: of the task, see ``layout_of``.
         hidden: width of the actor.
         critic_hidden: width of the critic.
+        relations: numbers that candidates hear of each other, see ``SetActor``.
         **kwargs: as SB3 passes them.
     """
 

@@ -44,6 +44,7 @@ class TrainSettings:
         time_limit_ends: nothing is worth anything after the time limit, see ``make_vec_env``.
         hidden: width of the actor.
         critic_hidden: width of the critic.
+        relations: numbers that candidates hear of each other, see ``set_policy.SetActor``; 0: nothing.
         evaluate_every: updates between evaluations on held-out seeds.
         evaluation_episodes: seeds of each.
     """
@@ -72,6 +73,7 @@ class TrainSettings:
     time_limit_ends: bool = True
     hidden: int = 48
     critic_hidden: int = 48
+    relations: int = 0
     evaluate_every: int = 10
     evaluation_episodes: int = 64
 
@@ -95,7 +97,7 @@ class TrainSettings:
         for name in ("gamma", "gae_lambda"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} = {getattr(self, name)}: allowed range [0, 1]")
-        for name in ("final_learning_rate", "ent_coef", "vf_coef"):
+        for name in ("final_learning_rate", "ent_coef", "vf_coef", "relations"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name} = {getattr(self, name)}: allowed range [0, inf)")
 

@@ -185,6 +185,7 @@ def _model(env: NativeVecEnv, settings: TrainSettings, seed: int) -> Any:
             "layout": env.layout,
             "hidden": settings.hidden,
             "critic_hidden": settings.critic_hidden,
+            "relations": settings.relations,
         },
     )
 
@@ -298,14 +299,16 @@ class _Run(BaseCallback):
         self.on_update(progress)
 
     def _evaluate(self) -> None:
-        layout = self.learner.policy.layout
+        layout, hidden, relations = self.learner.policy.layout, self.settings.hidden, self.settings.relations
         weights = {
             name: values.detach().numpy().copy()
             for name, values in self.learner.policy.mlp_extractor.actor.state_dict().items()
         }
 
         def make(env: Any) -> Policy:
-            policy = portable.LearnedPolicy(layout, self.settings.hidden, weights, {})
+            policy = portable.LearnedPolicy(
+                layout, self.settings.hidden, weights, {}, relations=self.settings.relations
+            )
             adviser = self.settings.adviser
             return policy if adviser is None else Advised(policy, make_policy(adviser, env), layout_of(env))
 
@@ -322,7 +325,14 @@ class _Run(BaseCallback):
             self.best = point["return"]
             names.append(BEST)
         for name in names:
-            portable.save(self.folder / name, layout, self.settings.hidden, weights, self._card(point))
+            portable.save(
+                self.folder / name,
+                layout,
+                hidden,
+                weights,
+                self._card(point),
+                relations=relations,
+            )
         text = json.dumps(self.curve, indent=1) + "\n"
         temporary = self.folder / f".{CURVE}.{os.getpid()}.tmp"
         temporary.write_text(text)
@@ -340,6 +350,7 @@ class _Run(BaseCallback):
             "chosen_on_seeds": [HELD_OUT_SEEDS, HELD_OUT_SEEDS + self.settings.evaluation_episodes - 1],
             "decisions": self.progress.steps,
             "wall_s": round(self.progress.wall_s, 1),
+            "wall_split": self.progress.split(),
             "held_out": point,
             "learning_curve": self.curve,
             "task_numbers": portable.task_digest(self.worlds.native),

@@ -7,6 +7,7 @@ The scores are those of seeds that neither training nor the choice of the weight
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +19,7 @@ from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.evaluation import Scores, evaluate
 from fieldgym.agents.portable import LEARNED, load, save
 from fieldgym.agents.registry import load_policy
+from fieldgym.agents.training import CURVE
 from fieldgym.benchmark.episode import POLICY_SEEDS
 from fieldgym.benchmark.statistics import mean, paired_difference
 
@@ -33,7 +35,9 @@ def main(
 ) -> None:
     """Evaluate, write the card, copy."""
     policy = load(path)
-    card = {key: value for key, value in policy.card.items() if key not in ("format", "layout", "hidden")}
+    card = {key: value for key, value in policy.card.items() if key not in ("format", "layout", "hidden", "relations")}
+    # The weights may come from before the run's end; its curve goes on.
+    card["learning_curve"] = json.loads((path.parent / CURVE).read_text())
     env_id, scenario = str(card["env_id"]), str(card["scenario"])
     seeds = range(episodes)
 
@@ -61,7 +65,7 @@ def main(
     card["known_weaknesses"] = list(weakness or [])
     target = ASSETS / f"{env_id.split('/')[-1]}.{scenario}.npz"
     ASSETS.mkdir(parents=True, exist_ok=True)
-    save(target, policy.layout, policy.hidden, policy.weights, card)
+    save(target, policy.layout, policy.hidden, policy.weights, card, relations=policy.relations)
     Console().print(f"{target}: {target.stat().st_size} bytes; return {card['scores']['return']}")
 
 
