@@ -27,6 +27,8 @@ from fieldgym.envs import ENV_IDS
 from fieldgym.mechanisms import FiveBar, ThreePRRS, ThreeUPSRPU, TranslationalFiveBar
 
 SAFFLOWER = "fieldgym/SafflowerPicking-v0"
+LASER = "fieldgym/LaserWeeding-v0"
+FRONT_PICTURES = 60
 LINES: list[tuple[str, str, str]] = []
 
 
@@ -227,6 +229,33 @@ def camera_frames() -> None:
         env.close()
 
 
+def front_camera() -> None:
+    """The weeders' front camera on a strip as it is driven: one picture rendered, and its plants found."""
+    from fieldgym.perception.weeds import detect_seedlings
+
+    for scenario in ("load-1.25", "dense"):
+        env: Any = gym.make(LASER, backend="analytic", perception="camera", scenario=scenario)
+        policy = make_policy("edf", env)
+        observation, _ = env.reset(seed=3)
+        for _ in range(15):
+            observation, *_ = env.step(act_single(policy, observation))
+        scene, cart_m = env.unwrapped.view.camera_scene(), float(env.unwrapped.core.state.cart[0])
+        renders, detects = [], []
+        for picture in range(FRONT_PICTURES):
+            began = time.perf_counter()
+            frame = scene.look_front(cart_m + 0.06 * picture)
+            seen = time.perf_counter()
+            detect_seedlings(frame.rgb, *frame.camera)
+            renders.append(seen - began)
+            detects.append(time.perf_counter() - seen)
+        together = 1e3 * np.add(renders, detects)
+        height, width = frame.depth_m.shape
+        note = f"{width} x {height}, median of {FRONT_PICTURES}: render {1e3 * np.median(renders):.0f} ms, "
+        note += f"detect {1e3 * np.median(detects):.0f} ms; slowest tenth {np.percentile(together, 90):.0f} ms"
+        LINES.append((f"front camera frame, {scenario}", f"{np.median(together):.0f} ms", note))
+        env.close()
+
+
 def tracking() -> None:
     """Tracking and closure on the fastest motion that the task commands."""
     from fieldgym.simulation.picker import measure_tracking
@@ -253,6 +282,7 @@ def main() -> None:
             ("kinematics", lambda: kinematics(quick)),
             ("decisions", lambda: decisions(quick)),
             ("camera frames", camera_frames),
+            ("the weeders' front camera", front_camera),
             ("tracking", tracking),
         ):
             status.update(f"measuring: {name}")
