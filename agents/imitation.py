@@ -69,7 +69,7 @@ def _watch(
     observation = env.reset()
     teacher.reset(np.ones(env.num_envs, bool))
     for _ in range(-(-decisions // env.num_envs)):
-        chosen = teacher.act(env.seen)
+        chosen = teacher.act(observation)
         env.step_async(chosen)
         following, rewards, over, _ = env.step_wait()
         seen.append((observation, chosen, rewards, over))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -63,19 +63,6 @@ class Layout:
             parts.append(slot_logits[:, :, block * n : (block + 1) * n].reshape(b, k * n))
             parts.append(extra_logits[:, block * self.extras : (block + 1) * self.extras])
         return concatenate(parts, 1)
-
-    def advised(self) -> Layout:
-        """The layout of observations that carry a number on every action, see ``advice``."""
-        more = self.blocks * self.options
-        return replace(self, features=self.features + more, machine=self.machine + self.blocks * self.extras)
-
-    def split(self, values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """What ``join`` joins: of values (B, actions) those of slots (B, K, blocks * options) and extras."""
-        parts = values.reshape(len(values), self.blocks, -1)
-        slots = parts[..., : self.candidates * self.options]
-        slots = slots.reshape(len(values), self.blocks, self.candidates, self.options).swapaxes(1, 2)
-        extras = parts[..., self.candidates * self.options :]
-        return slots.reshape(len(values), self.candidates, -1), extras.reshape(len(values), -1)
 
     def permute(self, order: NDArray[np.int64]) -> NDArray[np.int64]:
         """Action numbers (actions,) after slot i took the place of slot ``order[i]``."""

@@ -19,8 +19,6 @@ MOST_CANDIDATES = 64
 """Candidates that a sequence can keep apart: a bit each."""
 NOTHING = -1
 """Answer of the search where no sequence is as good as none."""
-_HALF = 0.1
-"""A decision that is worth this much less than the best one is advised half as much as its equal."""
 TIE = 1e-9
 """Worths that are closer than this are equal: rounding does not decide."""
 
@@ -118,14 +116,7 @@ def _place(beams: _Beams, count: int, worth: float) -> int:
 
 @compiled
 def search(
-    problem: Any,
-    start: Array,
-    idle: Array,
-    options: int,
-    candidates: NDArray[np.int64],
-    depth: int,
-    width: int,
-    worths: Array,
+    problem: Any, start: Array, idle: Array, options: int, candidates: NDArray[np.int64], depth: int, width: int
 ) -> NDArray[np.int64]:
     """First decision of the best sequence in each world, as ``candidate * options + option``, or ``NOTHING``.
 
@@ -140,10 +131,7 @@ def search(
         candidates: (B,), the candidates of a world are 0 .. n - 1, at most ``MOST_CANDIDATES``.
         depth: longest sequence.
         width: sequences kept.
-        worths: (B, candidates * options), filled in: of the best sequence that was found to begin with each decision;
-            -inf where there is none.
     """
-    worths[:] = -np.inf
     answers = np.empty(len(start), np.int64)
     now, then = _beams(width), _beams(width)
     for w in range(len(start)):
@@ -166,7 +154,6 @@ def search(
                         gained = now.gained[b] + step.gain
                         worth = gained + prospect(problem, w, step.clock_s, used, candidate)
                         first = candidate * options + option if level == 0 else now.first[b]
-                        worths[w, first] = max(worths[w, first], worth)
                         if worth > best + TIE:
                             best, answer = worth, first
                         if level + 1 == depth:
@@ -180,19 +167,3 @@ def search(
             now, then, count = then, now, grown
         answers[w] = answer
     return answers
-
-
-def advice(worths: Array, answers: NDArray[np.int64], idle: Array) -> NDArray[np.float32]:
-    """How good each decision is, (B, actions + 1): 1 for the answer, 0.5 and less for others; the last is to wait.
-
-    Args:
-        worths: (B, actions), as ``search`` fills them in.
-        answers: (B,), what ``search`` found.
-        idle: (B,), what doing nothing is worth.
-    """
-    every = np.concatenate([worths, idle[:, None]], axis=1)
-    chosen = np.where(answers == NOTHING, worths.shape[1], answers)
-    behind = every.max(axis=1, keepdims=True, initial=-np.finfo(float).max) - every
-    graded = (0.5 * _HALF / (_HALF + behind)).astype(np.float32)
-    graded[np.arange(len(graded)), chosen] = 1.0
-    return graded

@@ -208,8 +208,6 @@ def load_for(path: Path, env: Any, name: str | None = None) -> LearnedPolicy:
         PolicyFileError: it was made for another task.
     """
     policy, layout = load(path, name), layout_of(env)
-    if policy.card.get("adviser") is not None:
-        layout = layout.advised()
     spec = env.unwrapped.spec
     made_for = policy.card.get("env_id")
     if spec is not None and made_for not in (None, spec.id):

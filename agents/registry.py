@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from difflib import get_close_matches
-from pathlib import Path
 from typing import Any
 
 from ..envs import describe
-from .advice import Advised
-from .layout import layout_of
 from .policy import Policy, RandomPolicy
-from .portable import LEARNED, PolicyFileError, load_for, shipped
+from .portable import LEARNED, load_for, shipped
 
 Factory = Callable[[Any, int], Policy]
 
@@ -136,7 +133,7 @@ def make_policy(name: str, env: Any, seed: int = 0) -> Policy:
     factories = _POLICIES[describe(spec.id).id]()
     path = shipped(spec.id, spec.kwargs.get("scenario") or describe(spec.id).headline_scenario)
     if name == LEARNED and path is not None:
-        return load_policy(path, env)
+        return load_for(path, env)
     if name not in factories:
         near = get_close_matches(name, factories, n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
@@ -144,19 +141,3 @@ def make_policy(name: str, env: Any, seed: int = 0) -> Policy:
             f"policy {name!r} is unknown for {spec.id}: {hint}choose one of {', '.join(policy_names(spec.id))}"
         )
     return factories[name](env.unwrapped.core.config, seed)
-
-
-def load_policy(path: Path, env: Any, name: str | None = None) -> Policy:
-    """A learned policy from its file, with its adviser where its card names one.
-
-    Raises:
-        PolicyFileError: the file cannot be used, or was made for another task.
-    """
-    learned = load_for(path, env, name)
-    adviser = learned.card.get("adviser")
-    if adviser is None:
-        return learned
-    factories = _POLICIES[describe(env.unwrapped.spec.id).id]()
-    if adviser not in factories:
-        raise PolicyFileError(f"{path}: its adviser {adviser!r} is none of {', '.join(factories)}")
-    return Advised(learned, factories[adviser](env.unwrapped.core.config, 0), layout_of(env))

@@ -16,10 +16,6 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from ..envs.vector import TaskVectorEnv
-from .advice import advised
-from .layout import layout_of
-from .policy import Policy
-from .registry import make_policy
 
 Observation = dict[str, NDArray[Any]]
 
@@ -31,7 +27,6 @@ def make_vec_env(
     *,
     time_limit_ends: bool = False,
     reward_scale: float = 1.0,
-    adviser: str | None = None,
     **kwargs: Any,
 ) -> NativeVecEnv:
     """Make ``num_envs`` worlds of an environment as one SB3 ``VecEnv``, analytic backend.
@@ -44,7 +39,6 @@ def make_vec_env(
             value of what would have come later to truncated episodes; the tasks here are scored at their time limit
             and show the time in the observation, so nothing comes later.
         reward_scale: learners see the reward times this; the monitors' ``episode`` info stays unscaled.
-        adviser: scripted policy whose advice observations carry; None: none.
         **kwargs: of the environment (``scenario``, ``perception``, ...).
 
     Raises:
@@ -55,8 +49,7 @@ def make_vec_env(
     env = gym.make_vec(
         env_id, num_envs, vectorization_mode="vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP, **kwargs
     )
-    policy = None if adviser is None else make_policy(adviser, env)
-    return NativeVecEnv(env, seed, time_limit_ends=time_limit_ends, reward_scale=reward_scale, adviser=policy)
+    return NativeVecEnv(env, seed, time_limit_ends=time_limit_ends, reward_scale=reward_scale)
 
 
 class NativeVecEnv(VecEnv):
@@ -68,8 +61,6 @@ class NativeVecEnv(VecEnv):
 
     Attributes:
         native: the environment underneath.
-        layout: of what learners see.
-        seen: latest observation without advice.
         step_wall_s: wall seconds spent in ``step`` and ``reset`` so far.
     """
 
@@ -80,14 +71,12 @@ class NativeVecEnv(VecEnv):
         *,
         time_limit_ends: bool = False,
         reward_scale: float = 1.0,
-        adviser: Policy | None = None,
     ):
         """Wrap ``env``.
 
         Raises:
             TypeError: not one of this package's vector environments.
-            ValueError: its autoreset mode is not ``SAME_STEP``, ``reward_scale`` is not positive, or there is an
-                adviser, which sees no last observations, while the value of those would be wanted.
+            ValueError: its autoreset mode is not ``SAME_STEP``, or ``reward_scale`` is not positive.
         """
         native = env.unwrapped
         if not isinstance(native, TaskVectorEnv):
@@ -96,21 +85,10 @@ class NativeVecEnv(VecEnv):
             raise ValueError(f"autoreset_mode = {native.autoreset_mode.value!r}: make it with 'SameStep'")
         if not reward_scale > 0.0:
             raise ValueError(f"reward_scale = {reward_scale} must be positive")
-        if adviser is not None and not time_limit_ends:
-            raise ValueError("an adviser goes with time_limit_ends = True alone")
         self.native: TaskVectorEnv[Any, Any] = native
-        self._adviser, self._task_layout = adviser, layout_of(native)
-        self.layout = self._task_layout if adviser is None else self._task_layout.advised()
-        space: Any = native.single_observation_space
-        spaces = dict(space.spaces)
-        if adviser is not None:
-            wide = {"machine": self.layout.machine, "candidates": self.layout.candidates * self.layout.features}
-            for name, size in wide.items():
-                spaces[name] = gym.spaces.Box(-np.inf, np.inf, (size,), np.float32)
-        super().__init__(native.num_envs, gym.spaces.Dict(spaces), native.single_action_space)
+        super().__init__(native.num_envs, native.single_observation_space, native.single_action_space)
         self.time_limit_ends, self.reward_scale = time_limit_ends, reward_scale
         self.returns, self.lengths = np.zeros(self.num_envs), np.zeros(self.num_envs, np.int64)
-        self.seen: Observation = {}
         self.step_wall_s = 0.0
         self._started = time.perf_counter()
         self._actions = np.zeros(self.num_envs, np.int64)
@@ -126,7 +104,7 @@ class NativeVecEnv(VecEnv):
         self._reset_options()
         self.reset_infos = [{"action_mask": mask} for mask in info["action_mask"]]
         self.step_wall_s += time.perf_counter() - began
-        return self._advised(observation, np.ones(self.num_envs, bool))
+        return observation
 
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the actions (num_envs,) for ``step_wait``."""
@@ -154,7 +132,7 @@ class NativeVecEnv(VecEnv):
                 }
             self.returns[ended], self.lengths[ended] = 0.0, 0
         self.step_wall_s += time.perf_counter() - began
-        return self._advised(observation, done), (reward * self.reward_scale).astype(np.float32), done, infos
+        return observation, (reward * self.reward_scale).astype(np.float32), done, infos
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are possible now, bool (num_envs, n)."""
@@ -208,14 +186,6 @@ class NativeVecEnv(VecEnv):
     def close(self) -> None:
         """Free the environment; idempotent."""
         self.native.close()
-
-    def _advised(self, observation: Observation, begun: NDArray[np.bool_]) -> Observation:
-        self.seen = observation
-        if self._adviser is None:
-            return observation
-        if begun.any():
-            self._adviser.reset(begun)
-        return advised(observation, self._adviser, self._task_layout)
 
     def _mask_of(self, row: int) -> Any:
         return lambda: self.native.action_masks()[row]

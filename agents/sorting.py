@@ -20,7 +20,7 @@ from ..envs.sorting.features import (
 )
 from ..envs.sorting.reports import SWING_M
 from ..motion import QUINTIC
-from .planning import NOTHING, Step, advice, search
+from .planning import NOTHING, Step, search
 from .policy import Actions, Observation, StatelessPolicy
 
 Array = NDArray[np.float64]
@@ -216,16 +216,6 @@ class RecedingHorizon(StatelessPolicy):
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
-        answer, worths, _ = self._plan(observation)
-        return np.where(answer == NOTHING, worths.shape[1], answer)
-
-    def advise(self, observation: Observation) -> NDArray[np.float32]:
-        """How good each action is beside the chosen one, (B, actions)."""
-        answer, worths, idle = self._plan(observation)
-        return advice(worths, answer, idle)
-
-    def _plan(self, observation: Observation) -> tuple[NDArray[np.int64], Array, Array]:
-        """What ``search`` answers, what it fills in, and what waiting is worth."""
         table = np.moveaxis(candidate_table(observation), -1, 0).astype(np.float64)
         gain = table[_COLUMN["quality"]]
         if self._by_value:
@@ -256,6 +246,5 @@ class RecedingHorizon(StatelessPolicy):
             order=np.argsort(-along, axis=1, kind="stable"),
         )
         idle = np.full(worlds, -np.inf)
-        worths = np.empty((worlds, k))
-        answer = search(picks, np.zeros((worlds, 3)), idle, 1, present.sum(axis=1), self._depth, self._width, worths)
-        return answer, worths, idle
+        answer = search(picks, np.zeros((worlds, 3)), idle, 1, present.sum(axis=1), self._depth, self._width)
+        return np.where(answer == NOTHING, k, answer)

@@ -23,7 +23,6 @@ class TrainSettings:
         algo: ``"maskable-ppo"``, or ``"ppo"`` with the mask inside the network.
         scenario: of the environment; None for its headline scenario.
         steps: decisions to learn from.
-        adviser: scripted policy whose advice the network sees, see ``advice``; None: no advice.
         teacher: scripted policy whose choices the network learns before it finds its own; None: begins with nothing.
         teacher_decisions: how many of them.
         teacher_epochs: passes over them.
@@ -52,7 +51,6 @@ class TrainSettings:
     algo: str = "maskable-ppo"
     scenario: str | None = None
     steps: int = 1_000_000
-    adviser: str | None = None
     teacher: str | None = None
     teacher_decisions: int = 200_000
     teacher_epochs: int = 4

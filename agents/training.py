@@ -21,11 +21,9 @@ from stable_baselines3.common.utils import LinearSchedule
 
 from .. import __version__
 from . import checkpoint, portable
-from .advice import Advised
 from .evaluation import Scores, evaluate, mean
 from .imitation import imitate
 from .layout import layout_of
-from .policy import Policy
 from .registry import make_policy
 from .sb3 import NativeVecEnv, make_vec_env
 from .set_policy import MaskableSetPolicy, SetPolicy
@@ -140,7 +138,6 @@ def train(
         scenario=settings.scenario,
         time_limit_ends=settings.time_limit_ends,
         reward_scale=settings.reward_scale,
-        adviser=settings.adviser,
     )
     try:
         # SB3 hands its own seed on to the environment.
@@ -182,7 +179,7 @@ def _model(env: NativeVecEnv, settings: TrainSettings, seed: int) -> Any:
         seed=seed,
         device="cpu",
         policy_kwargs={
-            "layout": env.layout,
+            "layout": layout_of(env.native),
             "hidden": settings.hidden,
             "critic_hidden": settings.critic_hidden,
             "relations": settings.relations,
@@ -304,16 +301,9 @@ class _Run(BaseCallback):
             name: values.detach().numpy().copy()
             for name, values in self.learner.policy.mlp_extractor.actor.state_dict().items()
         }
-
-        def make(env: Any) -> Policy:
-            policy = portable.LearnedPolicy(
-                layout, self.settings.hidden, weights, {}, relations=self.settings.relations
-            )
-            adviser = self.settings.adviser
-            return policy if adviser is None else Advised(policy, make_policy(adviser, env), layout_of(env))
-
+        policy = portable.LearnedPolicy(layout, hidden, weights, {}, relations=relations)
         seeds = range(HELD_OUT_SEEDS, HELD_OUT_SEEDS + self.settings.evaluation_episodes)
-        scores = evaluate(make, self.env_id, seeds, scenario=self.settings.scenario)
+        scores = evaluate(lambda env: policy, self.env_id, seeds, scenario=self.settings.scenario)
         point = _point(scores)
         self.progress.held_out = point
         self.curve.append({"steps": self.progress.steps, "wall_s": round(self.progress.wall_s, 1), **point})
@@ -325,14 +315,7 @@ class _Run(BaseCallback):
             self.best = point["return"]
             names.append(BEST)
         for name in names:
-            portable.save(
-                self.folder / name,
-                layout,
-                hidden,
-                weights,
-                self._card(point),
-                relations=relations,
-            )
+            portable.save(self.folder / name, layout, hidden, weights, self._card(point), relations=relations)
         text = json.dumps(self.curve, indent=1) + "\n"
         temporary = self.folder / f".{CURVE}.{os.getpid()}.tmp"
         temporary.write_text(text)
@@ -343,7 +326,6 @@ class _Run(BaseCallback):
             "env_id": self.env_id,
             "scenario": self.settings.scenario,
             "algorithm": self.settings.algo,
-            "adviser": self.settings.adviser,
             "settings": self.settings.as_dict(),
             "seed": self.seed,
             "training_seeds": f"from {TRAINING_SEEDS + 10_000 * self.seed}, one a world, drawn on from there",

@@ -17,7 +17,6 @@ from ..envs.weeding.features import (
     candidate_table,
 )
 from ..envs.weeding.rules import MODES
-from .advice import advice_of
 from .policy import Actions, Observation, StatelessPolicy
 from .weeding_outlook import outlook
 
@@ -59,8 +58,6 @@ class ScriptedWeeder(StatelessPolicy):
     Args:
         config: the task's public numbers; they say which tool there is.
     """
-
-    name: str
 
     def __init__(self, config: Any):
         """Take the tool's chances and times."""
@@ -180,12 +177,6 @@ class _SpeedRule:
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
         return self.change(observation) * self._block + self._policy.act(observation)
-
-    def advise(self, observation: Observation) -> NDArray[np.float32]:
-        """How good each action is beside the chosen one, (B, actions); half as good with another change of speed."""
-        shots = advice_of(self._policy, observation, self._block)
-        change = self.change(observation)[:, None] == np.arange(observation["action_mask"].shape[1] // self._block)
-        return (np.where(change, 1.0, 0.5)[..., None] * shots[:, None]).reshape(len(shots), -1).astype(np.float32)
 
     def reset(self, rows: NDArray[np.bool_]) -> None:
         """Forget."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..envs.compiled import bind, compiled
 from ..envs.weeding.features import ACROSS_SCALE_M, ALONG_SCALE_M, CANDIDATE_FEATURES, MACHINE_FEATURES, SPEED_SCALE
 from ..envs.weeding.tool import approach, move_time
-from .planning import NOTHING, Step, advice, search
+from .planning import NOTHING, Step, search
 from .policy import Actions, Observation
 from .weeding import ScriptedWeeder
 
@@ -149,16 +149,6 @@ class RecedingHorizon(ScriptedWeeder):
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
-        answer, *_ = self._plan(observation)
-        return np.where(answer == NOTHING, self.wait, answer)
-
-    def advise(self, observation: Observation) -> NDArray[np.float32]:
-        """How good each action is beside the chosen one, (B, actions)."""
-        answer, worths, idle = self._plan(observation)
-        return advice(worths, answer, idle)
-
-    def _plan(self, observation: Observation) -> tuple[NDArray[np.int64], Array, Array]:
-        """What ``search`` answers, what it fills in, and what waiting is worth."""
         view, arm = self.read(observation), self.outlook.arm
         b, k = view.label.shape
         present = view.table[..., _PRESENT] > 0.5
@@ -185,6 +175,5 @@ class RecedingHorizon(ScriptedWeeder):
         measure_moves(shots, start, self.outlook.lean_share)
         idle = waiting(shots, self.config.cart.moment_s)
         modes = len(view.work_s)
-        worths = np.empty((b, k * modes))
-        answer = search(shots, start, idle, modes, present.sum(axis=1), self._depth, self._width, worths)
-        return answer, worths, idle
+        answer = search(shots, start, idle, modes, present.sum(axis=1), self._depth, self._width)
+        return np.where(answer == NOTHING, self.wait, answer)

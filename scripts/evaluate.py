@@ -108,14 +108,13 @@ def _others(env_id: str, policy: str, against: str, known: tuple[str, ...]) -> l
 def _policy(name: str, env: Any, seed: int) -> Policy:
     """A policy from a file (``.npz``) or by name."""
     from fieldgym.agents import make_policy, policy_names
-    from fieldgym.agents.portable import PolicyFileError
-    from fieldgym.agents.registry import load_policy
+    from fieldgym.agents.portable import PolicyFileError, load_for
     from fieldgym.benchmark.episode import POLICY_SEEDS
 
     env_id = env.unwrapped.spec.id
     if name.endswith(".npz"):
         try:
-            return load_policy(Path(name), env, Path(name).stem)
+            return load_for(Path(name), env, Path(name).stem)
         except PolicyFileError as error:
             raise CommandError(str(error)) from None
     return make_policy(chosen(name, policy_names(env_id), f"policy for {env_id}"), env, seed=POLICY_SEEDS + seed)

@@ -18,7 +18,6 @@ from rich.console import Console
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.evaluation import Scores, evaluate
 from fieldgym.agents.portable import LEARNED, load, save
-from fieldgym.agents.registry import load_policy
 from fieldgym.agents.training import CURVE
 from fieldgym.benchmark.episode import POLICY_SEEDS
 from fieldgym.benchmark.statistics import mean, paired_difference
@@ -43,7 +42,7 @@ def main(
 
     def scores_of(name: str) -> Scores:
         def make(env: Any) -> Any:
-            return load_policy(path, env, LEARNED) if name == LEARNED else make_policy(name, env, POLICY_SEEDS)
+            return policy if name == LEARNED else make_policy(name, env, POLICY_SEEDS)
 
         return evaluate(make, env_id, seeds, scenario=scenario)
 
