@@ -7,7 +7,6 @@ The scores are those of seeds that neither training nor the choice of the weight
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +17,7 @@ from rich.console import Console
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.evaluation import Scores, evaluate
 from fieldgym.agents.portable import LEARNED, load, save
-from fieldgym.agents.training import CURVE
+from fieldgym.agents.training import LAST
 from fieldgym.benchmark.episode import POLICY_SEEDS
 from fieldgym.benchmark.statistics import mean, paired_difference
 
@@ -35,8 +34,9 @@ def main(
     """Evaluate, write the card, copy."""
     policy = load(path)
     card = {key: value for key, value in policy.card.items() if key not in ("format", "layout", "hidden", "relations")}
-    # The weights may come from before the run's end; its curve goes on.
-    card["learning_curve"] = json.loads((path.parent / CURVE).read_text())
+    # The weights may come from before the run's end.
+    run = load(path.parent / LAST).card
+    card["learning_curve"], card["settings"] = run["learning_curve"], run["settings"]
     env_id, scenario = str(card["env_id"]), str(card["scenario"])
     seeds = range(episodes)
 
