@@ -130,6 +130,25 @@ def box(size_m: tuple[float, float, float], *, bottom: bool = True) -> Mesh:
     return flat_shaded(corners, np.array(faces))
 
 
+def rod(start: Array, end: Array, thickness_m: float) -> Mesh:
+    """Square rod between two points (3,)."""
+    way = np.asarray(end, float) - start
+    length = float(np.linalg.norm(way))
+    along = way / length
+    across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    across /= np.linalg.norm(across)
+    frame = np.stack([across, np.cross(along, across), along], axis=1)
+    return turned(box((thickness_m, thickness_m, length)), frame, 0.5 * (np.asarray(start) + end))
+
+
+def frustum(half_m: tuple[float, float], depth_m: float, thickness_m: float = 0.004) -> Mesh:
+    """Edges of what a camera at the origin sees down to z = -``depth_m``, where it sees ``half_m`` to either side."""
+    x, y = half_m
+    corners = np.array([(x, y, -depth_m), (-x, y, -depth_m), (-x, -y, -depth_m), (x, -y, -depth_m)])
+    rays = [rod(np.zeros(3), corner, thickness_m) for corner in corners]
+    return merged(*rays, *(rod(corners[i - 1], corners[i], thickness_m) for i in range(4)))
+
+
 class Pool:
     """Copies of one mesh in a world: made once, placed again and again, hidden when not needed.
 

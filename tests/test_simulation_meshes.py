@@ -7,7 +7,7 @@ import pytest
 
 from fieldgym.simulation.camera import Camera
 from fieldgym.simulation.client import PhysicsClient
-from fieldgym.simulation.meshes import Pool, box, surface_of_revolution
+from fieldgym.simulation.meshes import Pool, box, frustum, rod, surface_of_revolution
 
 CAMERA = Camera(160, 120, np.deg2rad(46.0), 0.1, 2.0)
 EYE, UP = np.array([0.0, 0.0, 0.8]), np.array([0.0, 1.0, 0.0])
@@ -94,3 +94,20 @@ def test_a_box_without_its_bottom_looks_the_same_from_above(client):
     pool.clear()
     Pool(client, box((0.2, 0.1, 0.05), bottom=False), RED, 1).place((0.0, 0.0, 0.0))
     assert np.array_equal(CAMERA.look(client, EYE, DOWN, UP).rgb, whole)
+
+
+def test_a_rod_runs_from_end_to_end():
+    start, end = np.array([0.1, -0.2, 0.3]), np.array([0.5, 0.4, -0.6])
+    offset = rod(start, end, 0.004).vertices - start
+    way = end - start
+    along = offset @ way / np.linalg.norm(way)
+    aside = np.linalg.norm(offset - np.outer(along, way) / np.linalg.norm(way), axis=1)
+    assert np.allclose(aside, 0.004 / np.sqrt(2.0))
+    assert np.allclose(np.unique(along.round(9)), [0.0, np.linalg.norm(way)])
+
+
+def test_a_frustum_has_an_edge_to_each_corner_and_between_them():
+    mesh = frustum((0.2, 0.1), 0.7, 0.004)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    assert np.allclose(high, (0.2, 0.1, 0.0), atol=0.005) and np.allclose(low, (-0.2, -0.1, -0.7), atol=0.005)
+    assert len(mesh.triangles) == 8 * len(box((1.0, 1.0, 1.0)).triangles)

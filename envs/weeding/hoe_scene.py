@@ -36,6 +36,7 @@ class HoeScene(FieldScene):
             raise RuntimeError("this scene was made without its machine")
         self._cart_m = cart_m
         self._machine.place_at(cart_m, pose)
+        self.show_front_frustum(cart_m)
 
     def dead_looks(self, at: Array, turn: Quaternion) -> tuple[Array, Quaternion, Rgba]:
         """Uprooted: tipped over beside its place, and wilting."""

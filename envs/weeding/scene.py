@@ -13,6 +13,7 @@ from ...simulation.meshes import (
     Pool,
     box,
     flat_shaded,
+    frustum,
     merged,
     rotation_z,
     surface_of_revolution,
@@ -37,8 +38,11 @@ WEED_GREEN, GRASS_GREEN, BEET, MAIZE = (
     (0.30, 0.55, 0.18, 1.0),
 )
 SCORCHED = (0.07, 0.05, 0.04, 1.0)
+FRONT_SIGHT, TOOL_SIGHT = (0.98, 0.80, 0.25, 1.0), (0.45, 0.80, 0.98, 1.0)
 _BEHIND_M, _AHEAD_M, _REPLANT_M = 1.0, 1.3, 0.25
 _SENSOR_NOISE = 4.0
+_TOOL_HALF_M = 0.05
+"""What the camera beside the laser sees to either side of its target."""
 _SHADE = 0.55
 
 
@@ -118,6 +122,7 @@ class FieldScene:
         self.front = Camera(400, 320, 2.0 * np.arctan(0.5 * config.cart.camera_view_m / camera_height_m), 0.10, 2.0)
         self._pools = self._make_pools()
         self._soil = self._soil_in_pictures()
+        self._front_frustum: Pool | None = None
         self._weed, self._crop = np.zeros((0, 2)), np.zeros((0, 2))
         self._species, self._stage, self._look = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
         self._dead_weed, self._dead_crop = np.zeros(0, bool), np.zeros(0, bool)
@@ -178,6 +183,15 @@ class FieldScene:
     def dead_looks(self, at: Array, turn: Quaternion) -> tuple[Array, Quaternion, Rgba]:
         """Position, quaternion and colour of a dead plant that stood ``at`` a place with a ``turn``."""
         return at, turn, SCORCHED
+
+    def show_front_frustum(self, cart_m: float) -> None:
+        """Show people what the front camera sees from a cart position."""
+        if self._front_frustum is None:
+            half = self._eye_m * np.tan(0.5 * self.front.field_of_view_rad)
+            sides = half, half * self.front.width / self.front.height
+            self._front_frustum = Pool(self._client, frustum(sides, self._eye_m - 0.004), FRONT_SIGHT, 1)
+        self._front_frustum.clear()
+        self._front_frustum.place((cart_m + self.config.cart.camera_ahead_m, 0.0, self._eye_m))
 
     def close(self) -> None:
         """Close the client; idempotent."""
@@ -292,11 +306,13 @@ class WeederScene(FieldScene):
         super().__init__(config, parameters.camera_height_m, parameters.physics_hz, window=window)
         self._reach = config.reach
         self._machine = WeederMachine(parameters, self._client) if machine else None
-        self.tool = Camera(240, 240, 2.0 * np.arctan(0.05 / config.reach.gap_m), 0.30, 2.0)
+        self.tool = Camera(240, 240, 2.0 * np.arctan(_TOOL_HALF_M / config.reach.gap_m), 0.30, 2.0)
         red = {"rgbaColor": [1.0, 0.05, 0.05, 0.55], "physicsClientId": self._client.id}
         shape = pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=0.003, length=1.0, **red)
         self._beam = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
         glow = {"rgbaColor": [1.0, 0.85, 0.35, 1.0], "physicsClientId": self._client.id}
+        half = (_TOOL_HALF_M, _TOOL_HALF_M)
+        self._tool_frustum = Pool(self._client, frustum(half, config.reach.gap_m, 0.002), TOOL_SIGHT, 1)
         shape = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=0.0045, **glow)
         self._spot = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
 
@@ -306,13 +322,16 @@ class WeederScene(FieldScene):
             raise RuntimeError("this scene was made without its machine")
         self._cart_m = cart_m
         self._machine.place(cart_m, pose)
+        self.show_front_frustum(cart_m)
+        top = self._machine.platform_world()
+        foot = np.array([*self._machine.beam_world(0.0), 0.0])
+        ray = (foot - top) / np.linalg.norm(foot - top)
+        self._tool_frustum.clear()
+        self._tool_frustum.place(top, upright_to(-ray))
         at = [0.0, 0.0, -20.0]
         turn = [0.0, 0.0, 0.0, 1.0]
         spot = at
         if beam_on:
-            top = self._machine.platform_world()
-            foot = np.array([*self._machine.beam_world(0.0), 0.0])
-            ray = (foot - top) / np.linalg.norm(foot - top)
             # The visible beam is 1 m long and begins under the laser head; what is below ground is hidden.
             middle = top + 0.12 * ray + 0.5 * ray
             at, spot = middle.tolist(), [*self._machine.beam_world(self._reach.target_height_m), 0.006]
