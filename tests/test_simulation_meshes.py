@@ -103,7 +103,7 @@ def test_a_rod_runs_from_end_to_end():
     along = offset @ way / np.linalg.norm(way)
     aside = np.linalg.norm(offset - np.outer(along, way) / np.linalg.norm(way), axis=1)
     assert np.allclose(aside, 0.004 / np.sqrt(2.0))
-    assert np.allclose(np.unique(along.round(9)), [0.0, np.linalg.norm(way)])
+    assert np.allclose(np.unique(along.round(9)), [0.0, float(np.linalg.norm(way))])
 
 
 def test_a_frustum_has_an_edge_to_each_corner_and_between_them():
