@@ -250,7 +250,8 @@ def front_camera() -> None:
             detects.append(time.perf_counter() - seen)
         together = 1e3 * np.add(renders, detects)
         note = f"{scene.front.width} x {scene.front.height}, median of {FRONT_PICTURES}: "
-        note += f"render {1e3 * np.median(renders):.0f} ms, detect {1e3 * np.median(detects):.0f} ms; slowest tenth {np.percentile(together, 90):.0f} ms"
+        note += f"render {1e3 * np.median(renders):.0f} ms, detect {1e3 * np.median(detects):.0f} ms, "
+        note += f"slowest tenth {np.percentile(together, 90):.0f} ms"
         LINES.append((f"front camera frame, {scenario}", f"{np.median(together):.0f} ms", note))
         env.close()
 
