@@ -132,13 +132,12 @@ def box(size_m: tuple[float, float, float], *, bottom: bool = True) -> Mesh:
 
 def rod(start: Array, end: Array, thickness_m: float) -> Mesh:
     """Square rod between two points (3,)."""
-    way = np.asarray(end, float) - start
-    length = float(np.linalg.norm(way))
-    along = way / length
+    length = float(np.linalg.norm(end - start))
+    along = (end - start) / length
     across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
     across /= np.linalg.norm(across)
-    frame = np.stack([across, np.cross(along, across), along], axis=1)
-    return turned(box((thickness_m, thickness_m, length)), frame, 0.5 * (np.asarray(start) + end))
+    frame = np.asarray(np.stack([across, np.cross(along, across), along], axis=1), np.float64)
+    return turned(box((thickness_m, thickness_m, length)), frame, 0.5 * (start + end))
 
 
 def frustum(half_m: tuple[float, float], depth_m: float, thickness_m: float = 0.004) -> Mesh:
