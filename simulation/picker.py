@@ -201,11 +201,12 @@ class PickerMachine(LoopMachine):
 
     def _joints(self, carts: Array, tools: Array) -> Array:
         """All joint positions (n, 7) in the order of ``JOINTS``."""
+        if not np.all(np.isfinite(tools)) or not np.all(np.isfinite(carts)):
+            raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
         bar = self.parameters.five_bar
         chains = bar.chains(tools)
-        if not np.all(np.isfinite(chains.q)) or not np.all(np.isfinite(carts)):
+        if not np.all(np.isfinite(chains.q)):
             bar.inverse(tools, strict=True)
-            raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
         forearm = chains.q_passive - chains.q
         columns = [carts, chains.q[:, 0], forearm[:, 0], chains.q[:, 1], forearm[:, 1], tools[:, 0], tools[:, 1]]
         return np.stack(columns, axis=-1)

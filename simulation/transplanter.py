@@ -215,11 +215,12 @@ class TransplanterMachine(LoopMachine):
 
     def _joints(self, tools: Array) -> Array:
         """Joint positions (n, 6) in the order of ``JOINTS``."""
+        if not np.all(np.isfinite(tools)):
+            raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
         arm = self.parameters.arm
         angles = arm.inverse(tools)
         if not np.all(np.isfinite(angles)):
             arm.inverse(tools, strict=True)
-            raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
         motors = np.array([arm.motor_offset_m, -arm.motor_offset_m])
         across = tools[:, :1] - motors - arm.arm_m * np.cos(angles)
         forearm = np.arctan2(tools[:, 1:] - arm.arm_m * np.sin(angles), across)
