@@ -40,3 +40,9 @@ def solve_regular(matrix: Array, right: Array, regular: np.ndarray) -> Array:
     """Solutions (..., n) of matrix @ solution = right where ``regular`` (...) holds, NaN elsewhere."""
     safe = np.where(regular[..., None, None], matrix, np.eye(matrix.shape[-1]))
     return np.where(regular[..., None], np.linalg.solve(safe, right[..., None])[..., 0], np.nan)
+
+
+def solve_where_regular(matrix: Array, right: Array) -> Array:
+    """Solutions (..., n) of matrix @ solution = right, NaN where the matrix (..., n, n) is singular or holds NaN."""
+    with np.errstate(invalid="ignore"):
+        return solve_regular(matrix, right, np.abs(np.linalg.det(matrix)) > 0.0)

@@ -198,3 +198,25 @@ def cone_angles(legs: Legs, link_m: float) -> Array:
     """Angles (3, n) in rad between the platform's z axis and the links, seen from the spherical joints."""
     cosine = -np.sum(legs.normal[:, None] * legs.link, axis=0) / link_m
     return np.arccos(np.clip(cosine, -1.0, 1.0))
+
+
+def write_margins(
+    legs: Legs,
+    table: Array,
+    link_m: float,
+    platform_radius_m: float,
+    slider_range_m: tuple[float, float],
+    cone_rad: float,
+    clearance_m: float,
+    min_lock: float,
+) -> None:
+    """Fill ``table`` (16, n) with the margins of n poses to their limits, rows as in ``MARGINS``."""
+    low, high = slider_range_m
+    table[0:3] = link_m - np.sqrt(link_m**2 - legs.spare)
+    table[3:6] = legs.slider - low
+    table[6:9] = high - legs.slider
+    table[9:12] = cone_rad - cone_angles(legs, link_m)
+    table[12:15] = clearances(legs)
+    table[12:15] -= clearance_m
+    free = free_directions(leg_frame(legs.link), link_m)
+    table[15] = platform_lock(legs.arm, free, np.sqrt(3.0) * platform_radius_m) - min_lock

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from .batching import Array, as_points, in_chunks
 from .errors import positive_length, raise_beyond_limits
 from .five_bar import Conditioning
-from .linear import apply, singular_values, solve_regular
+from .linear import apply, singular_values, solve_where_regular
 from .prrs_forward import solve_swings
 from .prrs_legs import (
     MARGINS,
@@ -18,13 +18,10 @@ from .prrs_legs import (
     TANGENTIAL,
     Legs,
     ThreePRRSChains,
-    clearances,
-    cone_angles,
-    free_directions,
     inverse_kernel,
     leg_frame,
-    platform_lock,
     pose_legs,
+    write_margins,
 )
 from .rotations import euler_from_rotation, euler_rate_map, rotation_from_euler
 from .spatial_workspace import Reachable, SpatialMethod, SpatialWorkspace, spatial_workspace
@@ -224,7 +221,7 @@ class ThreePRRS:
     def euler_rates(self, pose: ArrayLike, twist: ArrayLike) -> Array:
         """Pose rates (x', ..., gamma'), (..., 6), of twists (..., 6); NaN at beta = +-pi/2, where they do not exist."""
         poses, twists = as_points(pose, 6, "pose"), as_points(twist, 6, "twist")
-        rates = _solve(euler_rate_map(poses[..., 3:]), twists[..., 3:])
+        rates = solve_where_regular(euler_rate_map(poses[..., 3:]), twists[..., 3:])
         return np.concatenate([np.broadcast_to(twists[..., :3], rates.shape), rates], axis=-1)
 
     def jacobian(self, pose: ArrayLike) -> Array:
@@ -248,7 +245,7 @@ class ThreePRRS:
 
     def pose_rates(self, pose: ArrayLike, joint_rates: ArrayLike) -> Array:
         """Twists (v_P, omega), (..., 6), for joint rates (..., 6); NaN where J is singular."""
-        return _solve(self.jacobian(pose), as_points(joint_rates, 6, "joint_rates"))
+        return solve_where_regular(self.jacobian(pose), as_points(joint_rates, 6, "joint_rates"))
 
     def joint_accelerations(self, pose: ArrayLike, twist: ArrayLike, twist_rate: ArrayLike) -> Array:
         """Joint accelerations (..., 6) in m/s2 and rad/s2: the closed loops differentiated twice.
@@ -288,7 +285,7 @@ class ThreePRRS:
             wrench: (..., 6), force in N applied at P and moment in N m about P, fixed frame.
         """
         transposed = np.swapaxes(self.jacobian(pose), -1, -2)
-        return -_solve(transposed, as_points(wrench, 6, "wrench"))
+        return -solve_where_regular(transposed, as_points(wrench, 6, "wrench"))
 
     def margins(self, pose: ArrayLike) -> dict[str, Array]:
         """Signed distance (...) to every limit by name, negative outside; NaN where the links cannot close.
@@ -394,18 +391,5 @@ class ThreePRRS:
 
     def _margins_kernel(self, pose: Array, table: Array) -> None:
         legs = pose_legs(pose, self.link_m, 0.5 * self.base_diameter_m, self.platform_radius_m)
-        low, high = self.slider_range_m
-        table[0:3] = self.link_m - np.sqrt(self.link_m**2 - legs.spare)
-        table[3:6] = legs.slider - low
-        table[6:9] = high - legs.slider
-        table[9:12] = self.cone_rad - cone_angles(legs, self.link_m)
-        table[12:15] = clearances(legs)
-        table[12:15] -= self.link_clearance_m
-        free = free_directions(leg_frame(legs.link), self.link_m)
-        side = np.sqrt(3.0) * self.platform_radius_m
-        table[15] = platform_lock(legs.arm, free, side) - self.min_platform_lock
-
-
-def _solve(matrix: Array, right: Array) -> Array:
-    with np.errstate(invalid="ignore"):
-        return solve_regular(matrix, right, np.abs(np.linalg.det(matrix)) > 0.0)
+        limits = self.slider_range_m, self.cone_rad, self.link_clearance_m, self.min_platform_lock
+        write_margins(legs, table, self.link_m, self.platform_radius_m, *limits)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fieldgym.mechanisms import ThreePRRS, UnreachablePoseError
@@ -299,6 +299,8 @@ def towards(machine, direction, share):
     share=st.floats(0.0, 1.0),
     offset=st.tuples(*[st.floats(-0.005, 0.005)] * 6),
 )
+# At the rim a seed beside the pose may lie where a link is too short.
+@example("published", (0.0, -1.0, 0.5, -1.0, 0.0, 0.0), 1.0, (0.0, -0.00390625, 0.0, 0.0, 0.0, 0.0))
 def test_forward_of_inverse_over_the_reachable_set(name, direction, share, offset):
     machine = MACHINES[name]
     pose = towards(machine, direction, share)
@@ -309,8 +311,9 @@ def test_forward_of_inverse_over_the_reachable_set(name, direction, share, offse
     assert np.isfinite(machine.jacobian(pose)).all()
     seed = pose + np.array(offset) * np.array([machine.link_m] * 3 + [1.0] * 3)
     result = machine.forward(joints, seed)
-    assert result.converged
-    np.testing.assert_allclose(result.pose, pose, atol=1e-9)
+    seed_closes = np.isfinite(machine.inverse(seed)).all()
+    assert result.converged == seed_closes
+    np.testing.assert_allclose(result.pose, pose if seed_closes else np.full(6, np.nan), atol=1e-9)
 
 
 @machines

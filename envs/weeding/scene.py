@@ -307,12 +307,12 @@ class WeederScene(FieldScene):
         self._reach = config.reach
         self._machine = WeederMachine(parameters, self._client) if machine else None
         self.tool = Camera(240, 240, 2.0 * np.arctan(_TOOL_HALF_M / config.reach.gap_m), 0.30, 2.0)
+        half = (_TOOL_HALF_M, _TOOL_HALF_M)
+        self._tool_frustum = Pool(self._client, frustum(half, config.reach.gap_m, 0.002), TOOL_SIGHT, 1)
         red = {"rgbaColor": [1.0, 0.05, 0.05, 0.55], "physicsClientId": self._client.id}
         shape = pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=0.003, length=1.0, **red)
         self._beam = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
         glow = {"rgbaColor": [1.0, 0.85, 0.35, 1.0], "physicsClientId": self._client.id}
-        half = (_TOOL_HALF_M, _TOOL_HALF_M)
-        self._tool_frustum = Pool(self._client, frustum(half, config.reach.gap_m, 0.002), TOOL_SIGHT, 1)
         shape = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=0.0045, **glow)
         self._spot = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
 
