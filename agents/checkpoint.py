@@ -15,13 +15,10 @@ from typing import Any
 import numpy as np
 import torch
 
+from .runs import CheckpointError
 from .sb3 import NativeVecEnv
 
 FORMAT = 1
-
-
-class CheckpointError(ValueError):
-    """A checkpoint cannot be used; the message says why and what to do."""
 
 
 def write(path: Path, model: Any, env: NativeVecEnv, run: dict[str, Any]) -> None:

@@ -8,7 +8,8 @@ from typing import Any
 
 from ..envs import describe
 from .policy import Policy, RandomPolicy
-from .portable import LEARNED, load_for, shipped
+from .portable import load_for, shipped
+from .weights import LEARNED
 
 Factory = Callable[[Any, int], Policy]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,9 @@ from .policy import Actions, Observation, StatelessPolicy
 
 Array = NDArray[np.float64]
 
-_COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
-_FIRST_GRADE = _COLUMN[GRADES[0]]
+COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
+GRADE_COLUMNS = slice(COLUMN[GRADES[0]], COLUMN[GRADES[-1]] + 1)
+"""Where a candidate's numbers and grades stand among its features."""
 _GRIP_LEVEL_M = 0.010
 """Typical height of the platform when it grips."""
 
@@ -51,7 +52,7 @@ class Fifo(_Ranking):
     name = "fifo"
 
     def _key(self, table: NDArray[np.float32]) -> Array:
-        return -table[..., _COLUMN["along"]].astype(np.float64)
+        return -table[..., COLUMN["along"]].astype(np.float64)
 
 
 class EarliestDeadline(_Ranking):
@@ -69,7 +70,7 @@ class Nearest(_Ranking):
     name = "nearest"
 
     def _key(self, table: NDArray[np.float32]) -> Array:
-        return table[..., _COLUMN["approach"]] + WAIT_SCALE_S * table[..., _COLUMN["wait"]].astype(np.float64)
+        return table[..., COLUMN["approach"]] + WAIT_SCALE_S * table[..., COLUMN["wait"]].astype(np.float64)
 
 
 class ShortestCycle(_Ranking):
@@ -78,7 +79,7 @@ class ShortestCycle(_Ranking):
     name = "shortest-cycle"
 
     def _key(self, table: NDArray[np.float32]) -> Array:
-        return table[..., _COLUMN["cycle"]].astype(np.float64)
+        return table[..., COLUMN["cycle"]].astype(np.float64)
 
 
 class ValuePerSecond(_Ranking):
@@ -87,8 +88,8 @@ class ValuePerSecond(_Ranking):
     name = "value-per-second"
 
     def _key(self, table: NDArray[np.float32]) -> Array:
-        worth = table[..., _COLUMN["value"]].astype(np.float64) * table[..., _COLUMN["quality"]]
-        return -worth / np.maximum(table[..., _COLUMN["cycle"]], 1e-6)
+        worth = table[..., COLUMN["value"]].astype(np.float64) * table[..., COLUMN["quality"]]
+        return -worth / np.maximum(table[..., COLUMN["cycle"]], 1e-6)
 
 
 class Picks(NamedTuple):
@@ -165,26 +166,95 @@ def way_s(problem: Picks, along_m: float, across_m: float) -> float:
 
 
 @compiled
-def prospect(problem: Picks, w: int, clock_s: float, used: int, last: int) -> float:
-    """What the others bring, gripped in ``order`` where they still can be, less the price of all the time."""
-    worth, place = 0.0, problem.bins[problem.goal[w, last]]
+def queue(problem: Picks, w: int, x: float, y: float, clock_s: float, used: int) -> tuple[float, float]:
+    """What the others bring, gripped in ``order`` where they still can be, and when the last one is done."""
+    worth = 0.0
     for candidate in problem.order[w]:
         if not used >> candidate & 1:
-            step = extend(problem, w, place[0], place[1], 0.0, clock_s, candidate, 0, False)
+            step = extend(problem, w, x, y, 0.0, clock_s, candidate, 0, False)
             if step.possible:
                 worth += step.gain
-                clock_s, place = step.clock_s, problem.bins[problem.goal[w, candidate]]
-    return worth - problem.price * clock_s
+                x, y, clock_s = step.x, step.y, step.clock_s
+    return worth, clock_s
+
+
+@compiled
+def prospect(problem: Picks, w: int, clock_s: float, used: int, last: int) -> float:
+    """What the others bring in the queue's order, less the price of all the time."""
+    place = problem.bins[problem.goal[w, last]]
+    worth, done_s = queue(problem, w, place[0], place[1], clock_s, used)
+    return worth - problem.price * done_s
 
 
 bind(Picks, extend, prospect)
 
 
-class RecedingHorizon(StatelessPolicy):
-    """Plans a few picks ahead with a beam search, carries out the first and plans again.
+class PickPlanner(StatelessPolicy):
+    """Base of policies that plan a few picks ahead with a beam search, carry out the first and plan again.
 
-    A sequence counts the items that it is expected to place, then those that the queue's order would still place after
-    it, less a price for all the time. Later picks start level over the bin of the one before.
+    Later picks start level over the bin of the one before.
+
+    Args:
+        config: the task's public numbers.
+        depth: picks ahead.
+        width: sequences kept at each depth.
+    """
+
+    def __init__(self, config: SortingConfig, depth: int, width: int):
+        """Take the machine's times from the configuration."""
+        if depth < 1 or width < 1:
+            raise ValueError(f"depth = {depth}, width = {width}: both must be at least 1")
+        self._depth, self._width = depth, width
+        sorter, machine = config.machine.sorter, config.machine
+        self._speed = config.belt.speed_m_s
+        self._paces = QUINTIC.paces(sorter.velocity_m_s - self._speed, sorter.acceleration_m_s2)
+        self._turn_limits = sorter.turn_rad_s, sorter.turn_rad_s2
+        self._shortest_s = machine.shortest_move_s
+        down = machine.travel_level_m - _GRIP_LEVEL_M
+        descend = float(QUINTIC.duration(down, sorter.velocity_m_s, sorter.acceleration_m_s2))
+        self._hold_s, self._release_s = 2.0 * descend + config.grip.grip_s, config.grip.release_s
+        self._bins = np.array(config.belt.bins_m, float)
+
+    def _picks(self, observation: Observation, gain: Array, price: float) -> Picks:
+        """What can be gripped, with what each item is expected to bring (B, K) and what a second costs."""
+        table = np.moveaxis(candidate_table(observation), -1, 0).astype(np.float64)
+        along, across = table[COLUMN["along"]] * PLACE_SCALE_M, table[COLUMN["across"]] * PLACE_SCALE_M
+        last = along + self._speed * (table[COLUMN["slack"]] * WAIT_SCALE_S + table[COLUMN["approach"]])
+        turn_s = QUINTIC.duration_unchecked(table[COLUMN["turn"]] * TURN_SCALE_RAD, *self._turn_limits)
+        return Picks(
+            speed_m_s=float(self._speed),
+            pace=float(self._paces[0]),
+            square_pace=float(self._paces[1]),
+            hold_s=self._hold_s,
+            release_s=float(self._release_s),
+            price=price,
+            bins=self._bins,
+            present=table[COLUMN["present"]] > 0.0,
+            possible=observation["action_mask"][:, :-1] > 0,
+            goal=np.argmax(table[GRADE_COLUMNS], axis=0),
+            gain=gain,
+            done_s=table[COLUMN["cycle"]] * CYCLE_SCALE_S,
+            along_m=along,
+            across_m=across,
+            first_m=-(last + SWING_M + self._speed * self._hold_s),
+            last_m=last,
+            turn_s=np.maximum(turn_s, self._shortest_s),
+            order=np.argsort(-along, axis=1, kind="stable"),
+        )
+
+    def _plan(self, problem: Any, picks: Picks) -> Actions:
+        """First pick (B,) of the best sequence; waits where nothing is possible."""
+        worlds, k = picks.present.shape
+        idle = np.full(worlds, -np.inf)
+        count = picks.present.sum(axis=1)
+        answer = search(problem, np.zeros((worlds, 3)), idle, 1, count, self._depth, self._width)
+        return np.where(answer == NOTHING, k, answer)
+
+
+class RecedingHorizon(PickPlanner):
+    """Counts what a sequence is expected to place and what the queue's order would still place after it.
+
+    Less a price for all the time.
 
     Args:
         config: the task's public numbers.
@@ -196,19 +266,9 @@ class RecedingHorizon(StatelessPolicy):
     name = "receding-horizon"
 
     def __init__(self, config: SortingConfig, depth: int = 4, width: int = 8, *, by_value: bool = False):
-        """Take the machine's times from the configuration."""
-        if depth < 1 or width < 1:
-            raise ValueError(f"depth = {depth}, width = {width}: both must be at least 1")
-        self._depth, self._width, self._by_value = depth, width, by_value
-        sorter, machine = config.machine.sorter, config.machine
-        self._speed = config.belt.speed_m_s
-        self._paces = QUINTIC.paces(sorter.velocity_m_s - self._speed, sorter.acceleration_m_s2)
-        self._turn_limits = sorter.turn_rad_s, sorter.turn_rad_s2
-        self._shortest_s = machine.shortest_move_s
-        down = machine.travel_level_m - _GRIP_LEVEL_M
-        descend = float(QUINTIC.duration(down, sorter.velocity_m_s, sorter.acceleration_m_s2))
-        self._hold_s, self._release_s = 2.0 * descend + config.grip.grip_s, config.grip.release_s
-        self._bins = np.array(config.belt.bins_m, float)
+        """See ``PickPlanner``."""
+        super().__init__(config, depth, width)
+        self._by_value = by_value
         mean_value = float(np.mean(config.produce.value)) if by_value else 1.0
         # Half of what work without pause earns, less a tenth for bad fits [of 0 to 1, on seeds 0-99]: items that no
         # camera has seen yet will want the time.
@@ -216,35 +276,9 @@ class RecedingHorizon(StatelessPolicy):
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
-        table = np.moveaxis(candidate_table(observation), -1, 0).astype(np.float64)
-        gain = table[_COLUMN["quality"]]
+        table = candidate_table(observation).astype(np.float64)
+        gain = table[..., COLUMN["quality"]]
         if self._by_value:
-            gain = gain * table[_COLUMN["value"]]
-        along, across = table[_COLUMN["along"]] * PLACE_SCALE_M, table[_COLUMN["across"]] * PLACE_SCALE_M
-        last = along + self._speed * (table[_COLUMN["slack"]] * WAIT_SCALE_S + table[_COLUMN["approach"]])
-        turn_s = QUINTIC.duration_unchecked(table[_COLUMN["turn"]] * TURN_SCALE_RAD, *self._turn_limits)
-        present = table[_COLUMN["present"]] > 0.0
-        worlds, k = present.shape
-        picks = Picks(
-            speed_m_s=float(self._speed),
-            pace=float(self._paces[0]),
-            square_pace=float(self._paces[1]),
-            hold_s=self._hold_s,
-            release_s=float(self._release_s),
-            price=self._price,
-            bins=self._bins,
-            present=present,
-            possible=observation["action_mask"][:, :-1] > 0,
-            goal=np.argmax(table[_FIRST_GRADE : _FIRST_GRADE + len(GRADES)], axis=0),
-            gain=gain,
-            done_s=table[_COLUMN["cycle"]] * CYCLE_SCALE_S,
-            along_m=along,
-            across_m=across,
-            first_m=-(last + SWING_M + self._speed * self._hold_s),
-            last_m=last,
-            turn_s=np.maximum(turn_s, self._shortest_s),
-            order=np.argsort(-along, axis=1, kind="stable"),
-        )
-        idle = np.full(worlds, -np.inf)
-        answer = search(picks, np.zeros((worlds, 3)), idle, 1, present.sum(axis=1), self._depth, self._width)
-        return np.where(answer == NOTHING, k, answer)
+            gain = gain * table[..., COLUMN["value"]]
+        picks = self._picks(observation, gain, self._price)
+        return self._plan(picks, picks)

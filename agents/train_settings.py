@@ -10,7 +10,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-ALGORITHMS = ("maskable-ppo", "ppo")
+ALGORITHMS = ("maskable-ppo", "ppo", "policy-iteration")
 
 MOST_CONFIG_BYTES = 1_000_000
 
@@ -20,7 +20,8 @@ class TrainSettings:
     """Everything that decides what a training run learns, its seed apart.
 
     Attributes:
-        algo: ``"maskable-ppo"``, or ``"ppo"`` with the mask inside the network.
+        algo: ``"maskable-ppo"``, ``"ppo"`` with the mask inside the network, or ``"policy-iteration"``, a planner with
+            a learned value (see ``agents.policy_iteration``).
         scenario: of the environment; None for its headline scenario.
         steps: decisions to learn from.
         teacher: scripted policy whose choices the network learns before it finds its own; None: begins with nothing.
@@ -44,6 +45,9 @@ class TrainSettings:
         hidden: width of the actor.
         critic_hidden: width of the critic.
         relations: numbers that candidates hear of each other, see ``set_policy.SetActor``; 0: nothing.
+        episodes: of a round of ``"policy-iteration"``, as the next two.
+        depth: decisions that the planner looks ahead.
+        width: sequences that it keeps.
         evaluate_every: updates between evaluations on held-out seeds.
         evaluation_episodes: seeds of each.
     """
@@ -72,6 +76,9 @@ class TrainSettings:
     hidden: int = 48
     critic_hidden: int = 48
     relations: int = 0
+    episodes: int = 4096
+    depth: int = 4
+    width: int = 8
     evaluate_every: int = 10
     evaluation_episodes: int = 64
 
@@ -84,6 +91,7 @@ class TrainSettings:
         if self.algo not in ALGORITHMS:
             raise ValueError(f"algo = {self.algo!r}: choose one of {', '.join(ALGORITHMS)}")
         whole = ("steps", "num_envs", "n_steps", "batch_size", "n_epochs", "hidden", "critic_hidden")
+        whole += ("episodes", "depth", "width")
         for name in (*whole, "teacher_decisions", "teacher_epochs", "evaluate_every", "evaluation_episodes"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} = {getattr(self, name)}: give at least 1")

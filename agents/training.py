@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import math
-import os
-import platform
-import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,81 +13,19 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.utils import LinearSchedule
 
-from .. import __version__
-from . import checkpoint, portable
-from .evaluation import Scores, evaluate, mean
+from . import checkpoint
+from .evaluation import mean
 from .imitation import imitate
 from .layout import layout_of
+from .network import NetworkPolicy
 from .registry import make_policy
+from .runs import BEST, Progress, Record, Result, first_training_seed
 from .sb3 import NativeVecEnv, make_vec_env
 from .set_policy import MaskableSetPolicy, SetPolicy
 from .train_settings import TrainSettings
 
-TRAINING_SEEDS = 1_000_000_000
-"""World i of a run with seed s begins with the instance ``TRAINING_SEEDS + 10_000 s + i``, far from the seeds below."""
-HELD_OUT_SEEDS = 1_000_000
-"""First of the seeds with which a run chooses its best weights; scores are told on others, which begin at 0."""
-STATE, BEST, LAST, CURVE = "state.pt", "best.npz", "last.npz", "curve.json"
+STATE = "state.pt"
 RECENT_EPISODES = 200
-
-
-@dataclass
-class Progress:
-    """How far a run is; sums go on after a resume.
-
-    Attributes:
-        steps: decisions learned from.
-        total: decisions wanted.
-        updates: so far.
-        returns: mean return of the latest training episodes, NaN before the first.
-        net_rate: the same for the net rate.
-        cycle_time_s: the same for the cycle time.
-        taught: share of its teacher's decisions that the network took over, NaN without a teacher.
-        environment_s: wall seconds inside the environment.
-        acting_s: choosing actions and keeping what was seen.
-        learning_s: updates.
-        other_s: evaluations, checkpoints.
-        held_out: latest evaluation, empty before the first.
-    """
-
-    steps: int = 0
-    total: int = 0
-    updates: int = 0
-    returns: float = math.nan
-    net_rate: float = math.nan
-    cycle_time_s: float = math.nan
-    taught: float = math.nan
-    environment_s: float = 0.0
-    acting_s: float = 0.0
-    learning_s: float = 0.0
-    other_s: float = 0.0
-    held_out: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def wall_s(self) -> float:
-        """Wall seconds, those before a resume included."""
-        return self.environment_s + self.acting_s + self.learning_s + self.other_s
-
-    def split(self) -> str:
-        """Where the time went, in words."""
-        total = max(self.wall_s, 1e-9)
-        parts = {
-            "environment": self.environment_s,
-            "choosing actions": self.acting_s,
-            "learning": self.learning_s,
-            "evaluation and checkpoints": self.other_s,
-        }
-        shares = ", ".join(f"{name} {seconds / total:.0%}" for name, seconds in parts.items())
-        return f"{self.steps:,} decisions in {self.wall_s:.0f} s ({self.steps / total:,.0f}/s): {shares}"
-
-
-@dataclass(frozen=True)
-class Result:
-    """What a run leaves: the folder's best policy, how it went, and the curve of held-out scores."""
-
-    best: Path
-    progress: Progress
-    curve: list[dict[str, float]]
 
 
 def train(
@@ -125,13 +57,11 @@ def train(
         CheckpointError: the checkpoint cannot be used.
         ValueError: ``seed`` is out of range.
     """
-    if not 0 <= seed < 100_000:
-        raise ValueError(f"seed = {seed}: allowed range [0, 99999]")
+    first_seed = first_training_seed(seed)
     folder.mkdir(parents=True, exist_ok=True)
     if threads is not None:
         torch.set_num_threads(threads)
     saved = checkpoint.read(folder / STATE) if resume else None
-    first_seed = TRAINING_SEEDS + 10_000 * seed
     env = make_vec_env(
         env_id,
         settings.num_envs,
@@ -142,8 +72,10 @@ def train(
     try:
         # SB3 hands its own seed on to the environment.
         model = _model(env, settings, first_seed)
-        run = _Run(env_id, settings, seed, folder, model, env, on_update)
-        model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
+        logger = configure(str(folder / "tensorboard"), ["tensorboard"])
+        record = Record(env_id, settings, seed, folder, logger)
+        run = _Run(record, model, env, on_update)
+        model.set_logger(logger)
         if saved is not None:
             run.restore(saved)
         elif settings.teacher is not None:
@@ -151,7 +83,7 @@ def train(
         left = settings.steps - model.num_timesteps
         if left > 0:
             model.learn(left, callback=run, reset_num_timesteps=False, log_interval=1)
-        return Result(folder / BEST, run.progress, run.curve)
+        return Result(folder / BEST, record.progress, record.curve)
     finally:
         env.close()
 
@@ -190,68 +122,48 @@ def _model(env: NativeVecEnv, settings: TrainSettings, seed: int) -> Any:
 class _Run(BaseCallback):
     """Measures, evaluates and keeps a run, between SB3's rollouts and updates."""
 
-    def __init__(
-        self,
-        env_id: str,
-        settings: TrainSettings,
-        seed: int,
-        folder: Path,
-        learner: Any,
-        env: NativeVecEnv,
-        on_update: Callable[[Progress], None],
-    ):
+    def __init__(self, record: Record, learner: Any, env: NativeVecEnv, on_update: Callable[[Progress], None]):
         super().__init__()
-        self.env_id, self.settings, self.seed, self.folder = env_id, settings, seed, folder
+        self.record, self.settings = record, record.settings
         self.learner, self.worlds, self.on_update = learner, env, on_update
-        self.progress = Progress(total=settings.steps)
-        self.curve: list[dict[str, float]] = []
-        self.best = -math.inf
         self.recent: deque[list[float]] = deque(maxlen=RECENT_EPISODES)
-        self._mark = time.perf_counter()
         self._inside = 0.0
         self._collected = False
+
+    @property
+    def progress(self) -> Progress:
+        """How far the run is."""
+        return self.record.progress
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
         run = saved["text"]["run"]
-        before, now = dict(run["settings"]), self.settings.as_dict()
-        for name in now:
-            if name != "steps" and before.get(name) != now[name]:
-                raise checkpoint.CheckpointError(
-                    f"the checkpoint in {self.folder} was made with {name} = {before.get(name)!r}, now it is "
-                    f"{now[name]!r}: go on with the same settings, or start without --resume"
-                )
-        if run["env_id"] != self.env_id or run["seed"] != self.seed:
-            raise checkpoint.CheckpointError(
-                f"the checkpoint in {self.folder} is of {run['env_id']} with seed {run['seed']}: "
-                "choose that, another --out, or start without --resume"
-            )
+        self.record.restore(run)
         checkpoint.restore(saved, self.learner, self.worlds)
-        self.progress = Progress(**{**run["progress"], "total": self.settings.steps})
-        self.curve, self.best = run["curve"], run["best"] if run["best"] is not None else -math.inf
         self.recent.extend(run["recent"])
 
     def learn_from(self, teacher: str) -> None:
         """Begin with what a scripted policy does."""
-        settings = self.settings
+        settings, record = self.settings, self.record
         self.progress.taught = imitate(
             self.learner,
             self.worlds,
-            make_policy(teacher, self.worlds.native, self.seed),
+            make_policy(teacher, self.worlds.native, record.seed),
             settings.teacher_decisions,
             settings.teacher_epochs,
             settings.batch_size,
         )
         # The run begins with fresh instances, as one without a teacher does.
-        self.worlds.seed(TRAINING_SEEDS + 10_000 * self.seed)
-        self.progress.learning_s += self._lap()
+        self.worlds.seed(first_training_seed(record.seed))
+        self.progress.learning_s += record.lap()
         self._evaluate()
-        self.progress.other_s += self._lap()
+        self.progress.other_s += record.lap()
 
     def _on_training_start(self) -> None:
         # SB3 empties its episode buffer when learning begins; the checkpoint keeps it for the log.
         self.learner.ep_info_buffer.extend(getattr(self.learner, "_restored_episodes", ()))
-        self._mark, self._inside = time.perf_counter(), self.worlds.step_wall_s
+        self._inside = self.worlds.step_wall_s
+        self.record.lap()
 
     def _on_rollout_start(self) -> None:
         if self._collected:
@@ -268,7 +180,7 @@ class _Run(BaseCallback):
         inside = self.worlds.step_wall_s - self._inside
         self._inside = self.worlds.step_wall_s
         self.progress.environment_s += inside
-        self.progress.acting_s += self._lap() - inside
+        self.progress.acting_s += self.record.lap() - inside
         self._collected = True
         if self.recent:
             latest = np.array(self.recent)
@@ -280,8 +192,8 @@ class _Run(BaseCallback):
             self._after_update(final=True)
 
     def _after_update(self, final: bool = False) -> None:
-        progress = self.progress
-        progress.learning_s += self._lap()
+        progress, record = self.progress, self.record
+        progress.learning_s += record.lap()
         self._collected = False
         progress.steps, progress.updates = self.learner.num_timesteps, progress.updates + 1
         if self.recent:
@@ -290,78 +202,17 @@ class _Run(BaseCallback):
             progress.cycle_time_s = mean(latest[:, 2])
         if final or progress.updates % self.settings.evaluate_every == 0:
             self._evaluate()
-        progress.other_s += self._lap()
-        checkpoint.write(self.folder / STATE, self.learner, self.worlds, self._text())
-        progress.other_s += self._lap()
+        progress.other_s += record.lap()
+        run = {**record.text(), "recent": list(self.recent)}
+        checkpoint.write(record.folder / STATE, self.learner, self.worlds, run)
+        progress.other_s += record.lap()
         self.on_update(progress)
 
     def _evaluate(self) -> None:
-        layout, hidden, relations = self.learner.policy.layout, self.settings.hidden, self.settings.relations
+        policy = self.learner.policy
         weights = {
-            name: values.detach().numpy().copy()
-            for name, values in self.learner.policy.mlp_extractor.actor.state_dict().items()
+            name: values.detach().numpy().copy() for name, values in policy.mlp_extractor.actor.state_dict().items()
         }
-        policy = portable.LearnedPolicy(layout, hidden, weights, {}, relations=relations)
-        seeds = range(HELD_OUT_SEEDS, HELD_OUT_SEEDS + self.settings.evaluation_episodes)
-        scores = evaluate(lambda env: policy, self.env_id, seeds, scenario=self.settings.scenario)
-        point = _point(scores)
-        self.progress.held_out = point
-        self.curve.append({"steps": self.progress.steps, "wall_s": round(self.progress.wall_s, 1), **point})
-        for name, value in point.items():
-            self.learner.logger.record(f"held_out/{name}", value)
-        self.learner.logger.dump(self.progress.steps)
-        names = [LAST]
-        if point["return"] > self.best:
-            self.best = point["return"]
-            names.append(BEST)
-        for name in names:
-            portable.save(self.folder / name, layout, hidden, weights, self._card(point), relations=relations)
-        text = json.dumps(self.curve, indent=1) + "\n"
-        temporary = self.folder / f".{CURVE}.{os.getpid()}.tmp"
-        temporary.write_text(text)
-        os.replace(temporary, self.folder / CURVE)
-
-    def _card(self, point: dict[str, float]) -> dict[str, Any]:
-        return {
-            "env_id": self.env_id,
-            "scenario": self.settings.scenario,
-            "algorithm": self.settings.algo,
-            "settings": self.settings.as_dict(),
-            "seed": self.seed,
-            "training_seeds": f"from {TRAINING_SEEDS + 10_000 * self.seed}, one a world, drawn on from there",
-            "chosen_on_seeds": [HELD_OUT_SEEDS, HELD_OUT_SEEDS + self.settings.evaluation_episodes - 1],
-            "decisions": self.progress.steps,
-            "wall_s": round(self.progress.wall_s, 1),
-            "wall_split": self.progress.split(),
-            "held_out": point,
-            "learning_curve": self.curve,
-            "task_numbers": portable.task_digest(self.worlds.native),
-            "fieldgym": __version__,
-            "torch": torch.__version__,
-            "machine": f"{platform.system()} {platform.machine()}, {torch.get_num_threads()} threads",
-        }
-
-    def _text(self) -> dict[str, Any]:
-        finite_best = self.best if math.isfinite(self.best) else None
-        progress = {name: getattr(self.progress, name) for name in Progress.__dataclass_fields__}
-        return {
-            "env_id": self.env_id,
-            "seed": self.seed,
-            "settings": self.settings.as_dict(),
-            "progress": progress,
-            "curve": self.curve,
-            "best": finite_best,
-            "recent": list(self.recent),
-        }
-
-    def _lap(self) -> float:
-        before, self._mark = self._mark, time.perf_counter()
-        return self._mark - before
-
-
-def _point(scores: Scores) -> dict[str, float]:
-    return {
-        "return": round(mean(scores.returns), 6),
-        "net_rate": round(mean(scores.scorecard["net_rate"]), 6),
-        "cycle_time_s": round(mean(scores.scorecard["cycle_time_s"]), 4),
-    }
+        network = NetworkPolicy(policy.layout, policy.hidden, weights, {}, relations=policy.relations)
+        facts = {"torch": torch.__version__, "threads": torch.get_num_threads()}
+        self.record.keep(network, self.worlds.native, **facts)

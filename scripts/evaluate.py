@@ -108,7 +108,8 @@ def _others(env_id: str, policy: str, against: str, known: tuple[str, ...]) -> l
 def _policy(name: str, env: Any, seed: int) -> Policy:
     """A policy from a file (``.npz``) or by name."""
     from fieldgym.agents import make_policy, policy_names
-    from fieldgym.agents.portable import PolicyFileError, load_for
+    from fieldgym.agents.portable import load_for
+    from fieldgym.agents.weights import PolicyFileError
     from fieldgym.benchmark.episode import POLICY_SEEDS
 
     env_id = env.unwrapped.spec.id

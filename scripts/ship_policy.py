@@ -16,8 +16,9 @@ from rich.console import Console
 
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.evaluation import Scores, evaluate
-from fieldgym.agents.portable import LEARNED, load, save
-from fieldgym.agents.training import LAST
+from fieldgym.agents.portable import load, save
+from fieldgym.agents.runs import LAST
+from fieldgym.agents.weights import LEARNED
 from fieldgym.benchmark.episode import POLICY_SEEDS
 from fieldgym.benchmark.statistics import mean, paired_difference
 
@@ -33,7 +34,7 @@ def main(
 ) -> None:
     """Evaluate, write the card, copy."""
     policy = load(path)
-    card = {key: value for key, value in policy.card.items() if key not in ("format", "layout", "hidden", "relations")}
+    card = dict(policy.card)
     # The weights may come from before the run's end.
     run = load(path.parent / LAST).card
     card["learning_curve"], card["settings"] = run["learning_curve"], run["settings"]
@@ -42,7 +43,7 @@ def main(
 
     def scores_of(name: str) -> Scores:
         def make(env: Any) -> Any:
-            return policy if name == LEARNED else make_policy(name, env, POLICY_SEEDS)
+            return policy.fitted(env) if name == LEARNED else make_policy(name, env, POLICY_SEEDS)
 
         return evaluate(make, env_id, seeds, scenario=scenario)
 
@@ -64,7 +65,7 @@ def main(
     card["known_weaknesses"] = list(weakness or [])
     target = ASSETS / f"{env_id.split('/')[-1]}.{scenario}.npz"
     ASSETS.mkdir(parents=True, exist_ok=True)
-    save(target, policy.layout, policy.hidden, policy.weights, card, relations=policy.relations)
+    save(target, policy, card)
     Console().print(f"{target}: {target.stat().st_size} bytes; return {card['scores']['return']}")
 
 

@@ -23,15 +23,17 @@ from fieldgym.scripts.common import (
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fieldgym.agents.training import Progress
+    from fieldgym.agents.runs import Progress
 
 PLAIN_EVERY = 10
-"""Updates between two lines where nothing can be redrawn, as in a log file."""
+"""Updates between two lines where nothing can be redrawn, as in a log file; a round is worth a line of its own."""
 
 
 def main(
     env: Annotated[str, typer.Argument(metavar="ID", help="An environment; see fieldgym list.", show_default=False)],
-    algo: Annotated[str | None, typer.Option(help="maskable-ppo or ppo; by default what is tuned.")] = None,
+    algo: Annotated[
+        str | None, typer.Option(help="maskable-ppo, ppo or policy-iteration; by default what is tuned.")
+    ] = None,
     scenario: Annotated[str | None, typer.Option(help="By default the environment's headline scenario.")] = None,
     config: Annotated[Path | None, typer.Option(metavar="FILE", help="YAML with settings of your own.")] = None,
     steps: Annotated[int | None, typer.Option(help="Decisions to learn from; by default what is tuned.")] = None,
@@ -92,16 +94,17 @@ def main(
 def _train(
     console: Console, env_id: str, settings: Any, folder: Path, seed: int, threads: int | None, resume: bool
 ) -> None:
-    from fieldgym.agents.checkpoint import CheckpointError
-    from fieldgym.agents.training import STATE, train
+    from fieldgym.agents import policy_iteration, training
+    from fieldgym.agents.runs import CheckpointError
 
-    if not resume and (folder / STATE).exists():
+    if not resume and any((folder / state).exists() for state in (training.STATE, policy_iteration.STATE)):
         raise CommandError(f"{folder} holds a run already: go on with --resume, or choose another folder with --out")
     console.print(f"{env_id}, {settings.scenario}: {settings.algo}, {settings.steps:,} decisions, into {folder}")
     try:
-        with _shown(console) as show:
+        train = policy_iteration.iterate if settings.algo == "policy-iteration" else training.train
+        with _shown(console, 1 if settings.algo == "policy-iteration" else PLAIN_EVERY) as show:
             result = train(env_id, settings, folder, seed=seed, resume=resume, threads=threads, on_update=show)
-    except CheckpointError as error:
+    except (CheckpointError, ValueError) as error:
         raise CommandError(str(error)) from None
     except OSError as error:
         raise CommandError(f"cannot write to {folder} ({error.strerror}): choose another folder with --out") from None
@@ -115,8 +118,8 @@ def _train(
 
 
 @contextmanager
-def _shown(console: Console) -> Iterator[Any]:
-    """A bar on a terminal, a line now and then anywhere else."""
+def _shown(console: Console, every: int) -> Iterator[Any]:
+    """A bar on a terminal, a line every so many updates anywhere else."""
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
@@ -126,7 +129,7 @@ def _shown(console: Console) -> Iterator[Any]:
 
     def show(progress: Progress) -> None:
         bar.update(task, total=progress.total, completed=progress.steps, description=_latest(progress))
-        if not console.is_terminal and progress.updates % PLAIN_EVERY == 0:
+        if not console.is_terminal and progress.updates % every == 0:
             left_s = (progress.total - progress.steps) * progress.wall_s / max(progress.steps, 1)
             console.print(f"  {progress.steps:>10,}  {_latest(progress)}, {max(left_s, 0.0):.0f} s left")
 

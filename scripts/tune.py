@@ -51,7 +51,7 @@ def main(
     console = Console(highlight=False)
 
     def objective(trial: Any) -> float:
-        settings = tuned(env_id, scenario, steps=steps, **suggested(trial))
+        settings = tuned(env_id, scenario, algo="maskable-ppo", steps=steps, **suggested(trial))
 
         def report(progress: Any) -> None:
             if progress.held_out:
