@@ -169,13 +169,14 @@ class _Run:
         """Play the round's episodes to their ends, decision by decision."""
         progress, record, env = self.record.progress, self.record, self.env
         observation, _ = env.reset(seed=self._seeds())
-        under_way = np.ones(self.settings.episodes, bool)
+        under_way, total = np.ones(self.settings.episodes, bool), np.zeros(self.settings.episodes)
         while under_way.any():
             actions = policy.act(observation)
             progress.acting_s += record.lap()
             following, rewards, terminated, truncated, _ = env.step(actions)
             progress.environment_s += record.lap()
             progress.steps += int(under_way.sum())
+            total += rewards * under_way
             yield Moment(observation, actions, rewards * under_way, under_way)
             progress.learning_s += record.lap()
             observation, under_way = following, under_way & ~(terminated | truncated)
@@ -183,6 +184,7 @@ class _Run:
             name: mean(values)
             for name, values in zip(env.unwrapped.core.score_names, env.unwrapped.core.scores().T, strict=True)
         }
+        progress.returns = mean(total)
         progress.net_rate, progress.cycle_time_s = card["net_rate"], card["cycle_time_s"]
 
     def _watch(self, moments: Iterator[Moment]) -> None:
@@ -226,7 +228,6 @@ class _Run:
         helper = self.learned(zero).fitted(self.env)
         matrix, right = _RIDGE * np.eye(VALUE), np.zeros(VALUE)
         trace, before, earned = np.zeros((self.settings.episodes, VALUE)), None, np.zeros(0)
-        total = np.zeros(self.settings.episodes)
         for moment in moments:
             rows = describe_all(helper.problem(moment.observation)) * moment.under_way[:, None]
             if before is not None:
@@ -234,11 +235,9 @@ class _Run:
                 right += trace.T @ earned
             trace = (decay * trace + rows) * moment.under_way[:, None]
             before, earned = rows, moment.rewards
-            total += earned
         if before is not None:
             matrix += trace.T @ before
             right += trace.T @ earned
-        self.record.progress.returns = mean(total)
         return np.asarray(np.linalg.solve(matrix, right), float)
 
     def _best_trial(self) -> float:

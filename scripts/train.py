@@ -99,7 +99,9 @@ def _train(
 
     if not resume and any((folder / state).exists() for state in (training.STATE, policy_iteration.STATE)):
         raise CommandError(f"{folder} holds a run already: go on with --resume, or choose another folder with --out")
-    console.print(f"{env_id}, {settings.scenario}: {settings.algo}, {settings.steps:,} decisions, into {folder}")
+    console.print(
+        f"{env_id}, {settings.scenario}: {settings.algo}, {settings.steps:,} decisions, into {folder}", soft_wrap=True
+    )
     try:
         train = policy_iteration.iterate if settings.algo == "policy-iteration" else training.train
         with _shown(console, 1 if settings.algo == "policy-iteration" else PLAIN_EVERY) as show:
@@ -131,7 +133,9 @@ def _shown(console: Console, every: int) -> Iterator[Any]:
         bar.update(task, total=progress.total, completed=progress.steps, description=_latest(progress))
         if not console.is_terminal and progress.updates % every == 0:
             left_s = (progress.total - progress.steps) * progress.wall_s / max(progress.steps, 1)
-            console.print(f"  {progress.steps:>10,}  {_latest(progress)}, {max(left_s, 0.0):.0f} s left")
+            console.print(
+                f"  {progress.steps:>10,}  {_latest(progress)}, {max(left_s, 0.0):.0f} s left", soft_wrap=True
+            )
 
     with bar:
         yield show

@@ -14,6 +14,8 @@ import fieldgym
 from fieldgym.agents import make_policy, policy_names, portable
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.agents.layout import Layout, layout_of
+from fieldgym.agents.network import NetworkPolicy, shapes
+from fieldgym.agents.weights import LEARNED, PolicyFileError
 from fieldgym.envs import ENV_IDS
 
 ID = "fieldgym/SafflowerPicking-v0"
@@ -24,9 +26,10 @@ def legal(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.where(mask > 0, rng.random(mask.shape), -1.0).argmax(axis=1)
 
 
-def some_weights(layout: Layout = LAYOUT, hidden: int = 8, seed: int = 0) -> dict[str, np.ndarray]:
-    rng = np.random.default_rng(seed)
-    return {n: rng.normal(size=s).astype(np.float32) for n, s in portable.shapes(layout, hidden).items()}
+def some_policy(hidden: int = 8, relations: int = 0) -> NetworkPolicy:
+    rng = np.random.default_rng(1)
+    weights = {n: rng.normal(size=s).astype(np.float32) for n, s in shapes(LAYOUT, hidden, relations).items()}
+    return NetworkPolicy(LAYOUT, hidden, weights, {"env_id": ID}, relations=relations)
 
 
 def observations(env_id: str = ID, worlds: int = 32, decisions: int = 6) -> dict[str, np.ndarray]:
@@ -194,7 +197,7 @@ def test_a_file_decides_as_the_network_did(learner, tmp_path):
     actor = learner.policy.mlp_extractor.actor
     weights = {name: values.numpy() for name, values in actor.state_dict().items()}
     card = {"env_id": ID, "note": "test"}
-    portable.save(tmp_path / "p.npz", LAYOUT, 16, weights, card, relations=learner.policy.relations)
+    portable.save(tmp_path / "p.npz", NetworkPolicy(LAYOUT, 16, weights, card, relations=learner.policy.relations))
     policy = portable.load(tmp_path / "p.npz")
     observation = observations(worlds=64)
     possible = observation["action_mask"] > 0
@@ -206,7 +209,7 @@ def test_a_file_decides_as_the_network_did(learner, tmp_path):
 
 
 def test_the_file_s_policy_needs_no_pytorch(tmp_path):
-    portable.save(tmp_path / "p.npz", LAYOUT, 8, some_weights(), {"env_id": ID})
+    portable.save(tmp_path / "p.npz", some_policy())
     code = f"""
 import sys
 class Absent:
@@ -227,18 +230,19 @@ assert env.step(act_single(policy, observation))[4]["scorecard"]["illegal"] == 0
     assert done.returncode == 0, done.stderr
 
 
-def test_a_policy_fits_another_number_of_slots_and_no_other_task(tmp_path):
-    portable.save(tmp_path / "p.npz", LAYOUT, 8, some_weights(), {"env_id": ID})
+@pytest.mark.parametrize("relations", [0, 3])
+def test_a_policy_fits_another_number_of_slots_and_no_other_task(tmp_path, relations):
+    portable.save(tmp_path / "p.npz", some_policy(relations=relations))
     env: Any = gym.make(ID, backend="analytic", slots=5)
     policy = portable.load_for(tmp_path / "p.npz", env)
     observation, _ = env.reset(seed=1)
     assert policy.layout.candidates == 5
     assert observation["action_mask"][policy.act({n: v[None] for n, v in observation.items()})[0]] == 1
     with pytest.raises(ValueError, match="16 x 11"):
-        portable.load(tmp_path / "p.npz").logits({n: v[None] for n, v in observation.items()})
+        some_policy(relations=relations).logits({n: v[None] for n, v in observation.items()})
     other = [env_id for env_id in ENV_IDS if env_id != ID]
     for env_id in other:
-        with pytest.raises(portable.PolicyFileError, match="was trained on"):
+        with pytest.raises(PolicyFileError, match="was trained on"):
             portable.load_for(tmp_path / "p.npz", gym.make_vec(env_id, 1, vectorization_mode="vector_entry_point"))
 
 
@@ -284,9 +288,9 @@ def rewrite(path: Path, **changes: Any) -> None:
 )
 def test_a_bad_file_is_named_in_one_line(tmp_path, damage, word):
     path = tmp_path / "p.npz"
-    portable.save(path, LAYOUT, 8, some_weights(), {"env_id": ID})
+    portable.save(path, some_policy())
     damage(path)
-    with pytest.raises(portable.PolicyFileError, match=word) as caught:
+    with pytest.raises(PolicyFileError, match=word) as caught:
         portable.load(path)
     assert "\n" not in str(caught.value) and path.stem in str(caught.value)
 
@@ -294,16 +298,16 @@ def test_a_bad_file_is_named_in_one_line(tmp_path, damage, word):
 @pytest.mark.parametrize("env_id", ENV_IDS)
 def test_shipped_policies_score_what_their_cards_say(env_id):
     paths = sorted((Path(fieldgym.__file__).parent / "assets" / "policies").glob(f"{env_id.split('/')[-1]}.*.npz"))
-    assert (portable.LEARNED in policy_names(env_id)) == bool(paths)
+    assert (LEARNED in policy_names(env_id)) == bool(paths)
     for path in paths:
         card = portable.load(path).card
         assert path.stat().st_size < 2_000_000 and path.name == f"{env_id.split('/')[-1]}.{card['scenario']}.npz"
         assert portable.shipped(env_id, card["scenario"]) == path
         env: Any = gym.make_vec(env_id, 2, vectorization_mode="vector_entry_point", scenario=card["scenario"])
-        assert make_policy(portable.LEARNED, env).card == card  # type: ignore[attr-defined]
+        assert make_policy(LEARNED, env).card == card  # type: ignore[attr-defined]
         first, last = card["check"]["seeds"]
         scores = evaluate(
-            lambda env: make_policy(portable.LEARNED, env), env_id, range(first, last + 1), scenario=card["scenario"]
+            lambda env: make_policy(LEARNED, env), env_id, range(first, last + 1), scenario=card["scenario"]
         )
         # Loose: a camera that is measured anew moves the score a little, another task would move it a lot.
         assert scores.returns.mean() == pytest.approx(card["check"]["return"], rel=0.1, abs=0.05)
@@ -313,8 +317,8 @@ def test_shipped_policies_score_what_their_cards_say(env_id):
 
 
 def test_what_cannot_be_saved_is_refused(tmp_path):
-    with pytest.raises(portable.PolicyFileError, match=r"\.npz"):
-        portable.save(tmp_path / "p.pkl", LAYOUT, 8, some_weights(), {})
-    with pytest.raises(portable.PolicyFileError, match="at most"):
-        portable.save(tmp_path / "p.npz", LAYOUT, 400, some_weights(hidden=400), {})
+    with pytest.raises(PolicyFileError, match=r"\.npz"):
+        portable.save(tmp_path / "p.pkl", some_policy())
+    with pytest.raises(PolicyFileError, match="at most"):
+        portable.save(tmp_path / "p.npz", some_policy(hidden=400))
     assert not list(tmp_path.iterdir())

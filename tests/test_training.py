@@ -62,7 +62,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_run_leaves_a_policy_a_curve_a_log_and_its_time(whole):
     from fieldgym.agents.portable import load
-    from fieldgym.agents.training import HELD_OUT_SEEDS, TRAINING_SEEDS, train
+    from fieldgym.agents.runs import HELD_OUT_SEEDS, TRAINING_SEEDS
+    from fieldgym.agents.training import train
 
     result = train(ID, SMALL, whole, resume=True)
     progress = result.progress
@@ -133,7 +134,7 @@ def test_every_task_goes_on_as_it_was(env_id, tmp_path):
 
 
 def test_a_checkpoint_says_what_does_not_fit(whole, tmp_path):
-    from fieldgym.agents.checkpoint import CheckpointError
+    from fieldgym.agents.runs import CheckpointError
     from fieldgym.agents.training import train
 
     with pytest.raises(CheckpointError, match="start without --resume"):
@@ -159,7 +160,8 @@ def test_a_pupil_begins_with_what_its_teacher_does(tmp_path):
     pytest.importorskip("sb3_contrib")
     from fieldgym.agents import make_policy
     from fieldgym.agents.evaluation import evaluate
-    from fieldgym.agents.training import HELD_OUT_SEEDS, train
+    from fieldgym.agents.runs import HELD_OUT_SEEDS
+    from fieldgym.agents.training import train
 
     settings = TrainSettings.of(
         {
