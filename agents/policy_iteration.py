@@ -58,7 +58,6 @@ def iterate(
     *,
     seed: int = 0,
     resume: bool = False,
-    threads: int | None = None,
     on_update: Callable[[Progress], None] = lambda progress: None,
 ) -> Result:
     """Play rounds of ``settings.episodes`` episodes until ``settings.steps`` decisions are learned from.
@@ -74,7 +73,6 @@ def iterate(
         folder: where everything goes.
         seed: of the run.
         resume: go on from the folder's checkpoint.
-        threads: not used.
         on_update: called after every round.
 
     Raises:

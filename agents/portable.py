@@ -78,8 +78,9 @@ def save(path: Path, policy: Portable, card: Mapping[str, Any] | None = None) ->
         raise PolicyFileError(
             f"{path} would have {len(buffer.getvalue())} bytes, at most {MOST_BYTES}: use less hidden"
         )
+    # The head stands first, whatever an older card says.
     text = json.dumps(
-        {**policy.head, **(policy.card if card is None else card), **policy.head}, indent=2, allow_nan=False
+        policy.head | dict(policy.card if card is None else card) | policy.head, indent=2, allow_nan=False
     )
     replace_file(path, buffer.getvalue())
     replace_file(path.with_suffix(".json"), (text + "\n").encode())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -102,10 +103,11 @@ def _train(
     console.print(
         f"{env_id}, {settings.scenario}: {settings.algo}, {settings.steps:,} decisions, into {folder}", soft_wrap=True
     )
+    iterates = settings.algo == "policy-iteration"
+    train = policy_iteration.iterate if iterates else partial(training.train, threads=threads)
     try:
-        train = policy_iteration.iterate if settings.algo == "policy-iteration" else training.train
-        with _shown(console, 1 if settings.algo == "policy-iteration" else PLAIN_EVERY) as show:
-            result = train(env_id, settings, folder, seed=seed, resume=resume, threads=threads, on_update=show)
+        with _shown(console, 1 if iterates else PLAIN_EVERY) as show:
+            result = train(env_id, settings, folder, seed=seed, resume=resume, on_update=show)
     except (CheckpointError, ValueError) as error:
         raise CommandError(str(error)) from None
     except OSError as error:
@@ -113,9 +115,9 @@ def _train(
     except KeyboardInterrupt:
         typer.echo(f"fieldgym: stopped; the last update's checkpoint is in {folder}. Go on with --resume", err=True)
         raise typer.Exit(INTERRUPTED) from None
-    console.print(result.progress.split())
+    console.print(result.progress.split(), soft_wrap=True)
     for point in result.curve[-1:]:
-        console.print(_held_out(point))
+        console.print(_held_out(point), soft_wrap=True)
     console.print(f"Policy: {result.best}; see fieldgym evaluate {env_id} --policy {result.best}", soft_wrap=True)
 
 

@@ -199,6 +199,7 @@ def test_a_file_decides_as_the_network_did(learner, tmp_path):
     card = {"env_id": ID, "note": "test"}
     portable.save(tmp_path / "p.npz", NetworkPolicy(LAYOUT, 16, weights, card, relations=learner.policy.relations))
     policy = portable.load(tmp_path / "p.npz")
+    assert isinstance(policy, NetworkPolicy)
     observation = observations(worlds=64)
     possible = observation["action_mask"] > 0
     difference = np.abs(policy.logits(observation) - torch_logits(learner, observation))[possible]
