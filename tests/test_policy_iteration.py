@@ -131,6 +131,7 @@ def test_a_run_that_stops_and_goes_on_learns_the_same(whole, tmp_path):
 
 def test_with_lambda_one_the_fit_is_that_of_the_returns(tmp_path):
     """Then every trace is a plain sum, and LSTD is ridge regression on what was earned until the end (Boyan 2002)."""
+    pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.logger import configure
 
     from fieldgym.agents.policy_iteration import _RIDGE, _Run
