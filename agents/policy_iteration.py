@@ -19,22 +19,21 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.logger import configure
 
-from ..envs.sorting.features import MACHINE_FEATURES, candidate_table
+from ..envs.sorting.features import candidate_table
 from .evaluation import evaluate, mean
 from .policy import Actions, Observation, Policy
 from .portable import replace_file
 from .registry import make_policy
 from .runs import BEST, CheckpointError, Progress, Record, Result, first_training_seed
-from .sorting import COLUMN
-from .sorting_value import describe_all, gain_features, time_left_s
+from .sorting import COLUMN, time_left_s
+from .sorting_value import describe_all, elapsed_s, gain_features
 from .train_settings import TrainSettings
-from .value_weights import GAINS, VALUE, ValueWeights
+from .value_weights import GAINS, SHAPES, VALUE, ValueWeights
 
 Array = NDArray[np.float64]
 
 ENV_ID = "fieldgym/ProduceSorting-v0"
 STATE = "state.json"
-_TIME = MACHINE_FEATURES.index("time")
 _RIDGE = 1.0
 _TRIALS = (-0.06, -0.03, 0.0, 0.03, 0.06)
 """Worth of a second of new arrivals beyond their averages, tried about the last one found."""
@@ -100,7 +99,8 @@ def iterate(
         run = _Run(record, env, first_seed)
         if resume:
             run.restore()
-        while record.progress.steps < settings.steps:
+        # However few decisions are asked for: without a value there is no policy.
+        while record.progress.steps < settings.steps or not record.curve:
             run.play_round()
             on_update(record.progress)
         return Result(folder / BEST, record.progress, record.curve)
@@ -113,15 +113,13 @@ class _Run:
 
     def __init__(self, record: Record, env: Any, first_seed: int):
         self.record, self.settings, self.env, self.first_seed = record, record.settings, env, first_seed
-        self.gain, self.arrivals, self.value = np.zeros(GAINS), np.zeros(4), np.zeros(VALUE)
-        self._time_limit_s = env.unwrapped.core.config.scenario.time_limit_s
+        self.weights: dict[str, Array] = {name: np.zeros(shape) for name, shape in SHAPES.items()}
 
-    def learned(self, value: Array) -> ValueWeights:
-        """What was learned so far, with a value, in the precision of a file."""
-        weights = {
-            name: values.astype(np.float32)
-            for name, values in (("gain", self.gain), ("arrivals", self.arrivals), ("value", value))
-        }
+    def learned(self, worth: float | None = None) -> ValueWeights:
+        """What was learned so far, in the precision of a file; with another worth of a second, where one is given."""
+        weights = {name: values.astype(np.float32) for name, values in self.weights.items()}
+        if worth is not None:
+            weights["value"][-1] = worth
         return ValueWeights(self.settings.depth, self.settings.width, weights, {})
 
     def play_round(self) -> None:
@@ -132,15 +130,16 @@ class _Run:
         if progress.updates == 0:
             self._watch(self._play(teacher))
         else:
-            player = teacher if progress.updates == 1 else self.learned(self.value).fitted(self.env)
-            self.value[:-1] = self._fitted(self._play(player))[:-1]
+            player = teacher if progress.updates == 1 else self.learned().fitted(self.env)
+            value = self.weights["value"]
+            value[:-1] = self._fitted(self._play(player))[:-1]
             progress.learning_s += record.lap()
-            self.value[-1] = self._best_trial()
+            value[-1] = self._best_trial()
             progress.acting_s += record.lap()
-            record.keep(self.learned(self.value), self.env)
+            record.keep(self.learned(), self.env, training_seeds=[self.first_seed, self._seeds()[-1]])
         progress.updates += 1
         progress.other_s += record.lap()
-        state = {"run": record.text(), **{name: getattr(self, name).tolist() for name in ("gain", "arrivals", "value")}}
+        state = {"run": record.text(), **{name: values.tolist() for name, values in self.weights.items()}}
         replace_file(record.folder / STATE, json.dumps(state).encode())
         progress.other_s += record.lap()
 
@@ -149,14 +148,14 @@ class _Run:
         path = self.record.folder / STATE
         try:
             state = json.loads(path.read_bytes())
-            arrays = [np.array(state[name], float) for name in ("gain", "arrivals", "value")]
+            weights = {name: np.array(state[name], float).reshape(shape) for name, shape in SHAPES.items()}
             run = state["run"]
         except FileNotFoundError:
             raise CheckpointError(f"there is no checkpoint {path}: start without --resume") from None
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise CheckpointError(f"{path} is damaged ({error}): start without --resume") from None
         self.record.restore(run)
-        self.gain, self.arrivals, self.value = arrays
+        self.weights = weights
 
     def _seeds(self) -> list[int]:
         """Instances of this round; every round has its own."""
@@ -197,18 +196,19 @@ class _Run:
             matrix += rows.T @ rows
             right += rows.T @ moment.rewards[picked]
             across = table[..., COLUMN["across"]]
-            time_s = moment.observation["machine"][:, _TIME].astype(float) * self._time_limit_s
+            time_s = elapsed_s(moment.observation, self.env.unwrapped.core.config)
             if before is not None:
                 # A report keeps its place across the belt, to the last digit.
                 new = (table[..., 0] > 0.0) & ~(across[:, :, None] == before[0][:, None]).any(axis=2)
                 world, slot = np.nonzero(new & moment.under_way[:, None])
                 # It came, on average, half a decision ago.
                 ago_s = 0.5 * (time_s - before[1])[world]
-                numbers = [world.astype(float), time_s[world] - ago_s, time_left_s(table[world, slot]) + ago_s]
+                left_s = time_left_s(table[world, slot].T.astype(float)) + ago_s
+                numbers = [world.astype(float), time_s[world] - ago_s, left_s]
                 came.append(np.column_stack([*numbers, gain_features(table[world, slot])]))
             before = np.where(table[..., 0] > 0.0, across, np.nan), time_s
-        self.gain = np.linalg.solve(matrix, right)
-        self.arrivals = self._arrivals(np.concatenate(came))
+        self.weights["gain"] = np.asarray(np.linalg.solve(matrix, right), float)
+        self.weights["arrivals"] = self._arrivals(np.concatenate(came))
 
     def _arrivals(self, came: Array) -> Array:
         """Rate, time left, gain and end of what came into view: rows of world, time, time left, gain's features."""
@@ -218,12 +218,13 @@ class _Run:
         np.maximum.at(last, world, time_s)
         count = np.bincount(world, minlength=worlds)
         rate = count.sum() / last.sum()
-        return np.array([rate, came[:, 2].mean(), (came[:, 3:] @ self.gain).mean(), last.mean() + 1.0 / rate])
+        return np.array(
+            [rate, came[:, 2].mean(), (came[:, 3:] @ self.weights["gain"]).mean(), last.mean() + 1.0 / rate]
+        )
 
     def _fitted(self, moments: Iterator[Moment]) -> Array:
         """Weights of the value of the policy that plays: LSTD(lambda) without discount."""
-        decay, zero = self.settings.gae_lambda, np.zeros(VALUE)
-        helper = self.learned(zero).fitted(self.env)
+        decay, helper = self.settings.gae_lambda, self.learned().fitted(self.env)
         matrix, right = _RIDGE * np.eye(VALUE), np.zeros(VALUE)
         trace, before, earned = np.zeros((self.settings.episodes, VALUE)), None, np.zeros(0)
         for moment in moments:
@@ -241,11 +242,11 @@ class _Run:
     def _best_trial(self) -> float:
         """Worth of a second of new arrivals with which the search earns most, on some of the round's instances."""
         seeds = self._seeds()[::_TRIAL_SHARE]
-        tried = self.value[-1] + np.array(_TRIALS)
-        earned = []
-        for worth in tried:
-            learned = self.learned(np.append(self.value[:-1], worth))
-            earned.append(mean(evaluate(learned.fitted, ENV_ID, seeds, scenario=self.settings.scenario).returns))
+        tried = self.weights["value"][-1] + np.array(_TRIALS)
+        scenario = self.settings.scenario
+        earned = [
+            mean(evaluate(self.learned(worth).fitted, ENV_ID, seeds, scenario=scenario).returns) for worth in tried
+        ]
         curve = np.polyfit(tried, earned, 2)
         best = -0.5 * curve[1] / curve[0] if curve[0] < 0.0 else tried[int(np.argmax(earned))]
         return float(np.clip(best, tried[0], tried[-1]))

@@ -32,6 +32,11 @@ _GRIP_LEVEL_M = 0.010
 """Typical height of the platform when it grips."""
 
 
+def time_left_s(table: Array) -> Array:
+    """Seconds (...) until candidates can no longer be gripped, from their features (F, ...)."""
+    return WAIT_SCALE_S * table[COLUMN["slack"]] + table[COLUMN["approach"]]
+
+
 class _Ranking(StatelessPolicy):
     """The possible item with the smallest key; waits where there is none."""
 
@@ -219,7 +224,7 @@ class PickPlanner(StatelessPolicy):
         """What can be gripped, with what each item is expected to bring (B, K) and what a second costs."""
         table = np.moveaxis(candidate_table(observation), -1, 0).astype(np.float64)
         along, across = table[COLUMN["along"]] * PLACE_SCALE_M, table[COLUMN["across"]] * PLACE_SCALE_M
-        last = along + self._speed * (table[COLUMN["slack"]] * WAIT_SCALE_S + table[COLUMN["approach"]])
+        last = along + self._speed * time_left_s(table)
         turn_s = QUINTIC.duration_unchecked(table[COLUMN["turn"]] * TURN_SCALE_RAD, *self._turn_limits)
         return Picks(
             speed_m_s=float(self._speed),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..envs.compiled import bind, compiled
 from ..envs.sorting.config import GRADES, SortingConfig
-from ..envs.sorting.features import MACHINE_FEATURES, PLACE_SCALE_M, WAIT_SCALE_S, candidate_table
+from ..envs.sorting.features import MACHINE_FEATURES, PLACE_SCALE_M, candidate_table
 from .planning import Step
 from .policy import Actions, Observation
 from .sorting import COLUMN, GRADE_COLUMNS, PickPlanner, Picks, queue
@@ -169,7 +169,7 @@ class ValueSearch(PickPlanner):
         """Take the machine's times from the configuration."""
         super().__init__(config, learned.depth, learned.width)
         self.name, self.card = learned.name, learned.card
-        self._time_limit_s = config.scenario.time_limit_s
+        self._config = config
         self._gain, self._arrivals, self._value = (
             learned.weights[key].astype(np.float64) for key in ("gain", "arrivals", "value")
         )
@@ -182,11 +182,11 @@ class ValueSearch(PickPlanner):
     def problem(self, observation: Observation) -> ValuedPicks:
         """What the search works on."""
         gain = gain_features(candidate_table(observation)) @ self._gain
-        machine = observation["machine"].astype(np.float64)
-        time_s, place_m = machine[:, _TIME] * self._time_limit_s, machine[:, _PLACE] * PLACE_SCALE_M
+        place_m = observation["machine"][:, _PLACE].astype(np.float64) * PLACE_SCALE_M
+        time_s = elapsed_s(observation, self._config)
         return ValuedPicks(self._picks(observation, gain, 0.0), time_s, place_m, self._arrivals, self._value)
 
 
-def time_left_s(table: NDArray[np.float32]) -> Array:
-    """Seconds (...) until candidates (..., F) can no longer be gripped."""
-    return WAIT_SCALE_S * table[..., COLUMN["slack"]].astype(np.float64) + table[..., COLUMN["approach"]]
+def elapsed_s(observation: Observation, config: SortingConfig) -> Array:
+    """Seconds (B,) since the episode began."""
+    return observation["machine"][:, _TIME].astype(np.float64) * config.scenario.time_limit_s

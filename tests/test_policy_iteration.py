@@ -129,6 +129,15 @@ def test_a_run_that_stops_and_goes_on_learns_the_same(whole, tmp_path):
     assert all(np.array_equal(one.weights[name], other.weights[name]) for name in SHAPES)
 
 
+def test_however_few_decisions_are_asked_for_there_is_a_policy(tmp_path):
+    pytest.importorskip("tensorboard")
+    from fieldgym.agents.policy_iteration import iterate
+
+    settings = TrainSettings.of({**SMALL.as_dict(), "steps": 1, "episodes": 8, "evaluation_episodes": 2})
+    result = iterate(ID, settings, tmp_path)
+    assert len(result.curve) == 1 and portable.load(result.best).card["training_seeds"] == [10**9, 10**9 + 15]
+
+
 def test_with_lambda_one_the_fit_is_that_of_the_returns(tmp_path):
     """Then every trace is a plain sum, and LSTD is ridge regression on what was earned until the end (Boyan 2002)."""
     pytest.importorskip("stable_baselines3")
@@ -144,7 +153,7 @@ def test_with_lambda_one_the_fit_is_that_of_the_returns(tmp_path):
     run._watch(run._play(teacher))
     moments = list(run._play(teacher))
     found = run._fitted(iter(moments))
-    helper = run.learned(np.zeros(VALUE)).fitted(env)
+    helper = run.learned().fitted(env)
     to_go, matrix, right = np.zeros(settings.episodes), _RIDGE * np.eye(VALUE), np.zeros(VALUE)
     for moment in reversed(moments):
         to_go = to_go + moment.rewards
@@ -160,9 +169,11 @@ def test_a_checkpoint_says_what_does_not_fit(whole, tmp_path):
 
     with pytest.raises(CheckpointError, match="start without --resume"):
         iterate(ID, SMALL, tmp_path, resume=True)
-    (tmp_path / "state.json").write_text("{")
-    with pytest.raises(CheckpointError, match="damaged"):
-        iterate(ID, SMALL, tmp_path, resume=True)
+    state = json.loads((whole / "state.json").read_text())
+    for damaged in ("{", json.dumps({**state, "value": [0.0]}), json.dumps({**state, "gain": None})):
+        (tmp_path / "state.json").write_text(damaged)
+        with pytest.raises(CheckpointError, match="damaged"):
+            iterate(ID, SMALL, tmp_path, resume=True)
     with pytest.raises(CheckpointError, match="with depth = 2, now it is 3"):
         iterate(ID, TrainSettings.of({**SMALL.as_dict(), "depth": 3}), whole, resume=True)
     with pytest.raises(CheckpointError, match="with seed 0"):
