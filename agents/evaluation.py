@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from .policy import Policy, act_single
+from .policies.base import Policy, act_single
 
 Array = NDArray[np.float64]
 

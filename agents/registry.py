@@ -7,15 +7,15 @@ from difflib import get_close_matches
 from typing import Any
 
 from ..envs import describe
-from .policy import Policy, RandomPolicy
-from .portable import load_for, shipped
-from .weights import LEARNED
+from .learning.portable import load_for, shipped
+from .policies.base import Policy, RandomPolicy
+from .policies.weights import LEARNED
 
 Factory = Callable[[Any, int], Policy]
 
 
 def _safflower() -> dict[str, Factory]:
-    from .safflower import FixedOrder, GramsPerSecond, Nearest, NearestTwoOpt, Route
+    from .policies.safflower import FixedOrder, GramsPerSecond, Nearest, NearestTwoOpt, Route
 
     return {
         "random": lambda config, seed: RandomPolicy(seed),
@@ -28,7 +28,7 @@ def _safflower() -> dict[str, Factory]:
 
 
 def _transplanting() -> dict[str, Factory]:
-    from . import transplanting as rules
+    from .policies import transplanting as rules
 
     return {
         "random": lambda config, seed: RandomPolicy(seed),
@@ -42,8 +42,8 @@ def _transplanting() -> dict[str, Factory]:
 
 
 def _weeding() -> dict[str, Factory]:
-    from . import weeding as rules
-    from .weeding_horizon import RecedingHorizon
+    from .policies import weeding as rules
+    from .policies.weeding_horizon import RecedingHorizon
 
     return {
         "random": lambda config, seed: RandomPolicy(seed),
@@ -57,8 +57,8 @@ def _weeding() -> dict[str, Factory]:
 
 
 def _weeding_speed() -> dict[str, Factory]:
-    from . import weeding as rules
-    from .weeding_horizon import RecedingHorizon
+    from .policies import weeding as rules
+    from .policies.weeding_horizon import RecedingHorizon
 
     return {
         "random": lambda config, seed: RandomPolicy(seed),
@@ -70,7 +70,7 @@ def _weeding_speed() -> dict[str, Factory]:
 
 
 def _sorting() -> dict[str, Factory]:
-    from . import sorting as rules
+    from .policies import sorting as rules
 
     return {
         "random": lambda config, seed: RandomPolicy(seed),

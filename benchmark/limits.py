@@ -23,11 +23,11 @@ def bound(episode: Episode) -> Record:
 
     Returns:
         ``bound``: ``net_rate``, ``episode_return``, ``cycle_time_s`` (at that net rate), ``method``, ``proven`` and
-        ``gap`` (of the solver, None without one), as ``agents.bounds.Bound`` has them, and ``curve``, pairs of a net
+        ``gap`` (of the solver, None without one), as ``bounds.Bound`` has them, and ``curve``, pairs of a net
         rate and the seconds below which no cycle time with at least that net rate can fall, by rising net rate;
         ``wall_s``.
     """
-    from ..agents.bounds import instance
+    from ..bounds import instance
 
     started = time.perf_counter()
     where = episode.condition

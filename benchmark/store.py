@@ -59,7 +59,7 @@ def source_digest() -> str:
     """Digest of the package's modules and assets: results of two states of the code must not be mixed."""
     root = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256()
-    rooms = ("mechanisms", "motion", "simulation", "perception", "envs", "agents", "assets")
+    rooms = ("mechanisms", "motion", "simulation", "perception", "envs", "bounds", "agents", "assets")
     files = [path for room in rooms for path in (root / room).rglob("*") if path.is_file()]
     own = [root / "benchmark" / f"{name}.py" for name in ("episode", "limits", "record", "report/timeline")]
     for path in sorted([*files, *own]):

@@ -167,7 +167,7 @@ def suite(name: str) -> Suite:
         ValueError: there is no such suite.
     """
     from ..agents import policy_names, reference_policy
-    from ..agents.bounds import bounded_ids
+    from ..bounds import bounded_ids
     from ..envs import ENV_IDS, describe
 
     if name not in SUITES:

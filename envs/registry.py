@@ -91,8 +91,8 @@ TASKS = (
         headline_scenario="load-1.25",
         backends=_BACKENDS,
         perceptions=_PERCEPTIONS,
-        entry_point="fieldgym.envs.weeding.hoe_env:HoeWeedingEnv",
-        vector_entry_point="fieldgym.envs.weeding.hoe_env:HoeWeedingVectorEnv",
+        entry_point="fieldgym.envs.weeding.tools.hoe.env:HoeWeedingEnv",
+        vector_entry_point="fieldgym.envs.weeding.tools.hoe.env:HoeWeedingVectorEnv",
     ),
     TaskDescription(
         id="fieldgym/ProduceSorting-v0",

@@ -12,11 +12,11 @@ import argparse
 
 import numpy as np
 
-from fieldgym.agents.sorting import Fifo
+from fieldgym.agents.policies.sorting import Fifo
 from fieldgym.envs.sorting.config import REFERENCE_CYCLE_S, SCENARIOS, PerceptionModel, SortingConfig
-from fieldgym.envs.sorting.executor import AnalyticSorter
+from fieldgym.envs.sorting.core import SortingCore
+from fieldgym.envs.sorting.machine import AnalyticSorter
 from fieldgym.envs.sorting.state import PICK
-from fieldgym.envs.sorting.task import SortingCore
 
 
 def busy_cycle_s(streams: int, scenario: str = "load-1.6") -> float:

@@ -18,12 +18,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fieldgym.agents.policy import RandomPolicy
+from fieldgym.agents.policies.base import RandomPolicy
 from fieldgym.envs.sorting.config import SCENARIOS, PerceptionModel, SortingConfig
-from fieldgym.envs.sorting.executor import AnalyticSorter
+from fieldgym.envs.sorting.core import SortingCore
+from fieldgym.envs.sorting.machine import AnalyticSorter
 from fieldgym.envs.sorting.motions import PickMotion
 from fieldgym.envs.sorting.state import PICK
-from fieldgym.envs.sorting.task import SortingCore
 from fieldgym.mechanisms.errors import UnreachablePoseError
 from fieldgym.motion import QUINTIC
 from fieldgym.motion.orientation import angle_between, euler_angles, slerp, tilted

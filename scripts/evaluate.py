@@ -46,9 +46,9 @@ def main(
     from rich.console import Console
 
     from fieldgym.agents import policy_names, reference_policy
-    from fieldgym.agents.bounds import bounded_ids
     from fieldgym.agents.evaluation import evaluate
     from fieldgym.benchmark.suites import default_perception
+    from fieldgym.bounds import bounded_ids
     from fieldgym.envs import describe
 
     env_id = environment_id(env)
@@ -108,8 +108,8 @@ def _others(env_id: str, policy: str, against: str, known: tuple[str, ...]) -> l
 def _policy(name: str, env: Any, seed: int) -> Policy:
     """A policy from a file (``.npz``) or by name."""
     from fieldgym.agents import make_policy, policy_names
-    from fieldgym.agents.portable import load_for
-    from fieldgym.agents.weights import PolicyFileError
+    from fieldgym.agents.learning.portable import load_for
+    from fieldgym.agents.policies.weights import PolicyFileError
     from fieldgym.benchmark.episode import POLICY_SEEDS
 
     env_id = env.unwrapped.spec.id
@@ -124,7 +124,7 @@ def _policy(name: str, env: Any, seed: int) -> Policy:
 def _bounds(env_id: str, seeds: range, backend: str, options: dict[str, Any]) -> dict[str, Any]:
     import numpy as np
 
-    from fieldgym.agents.bounds import instance
+    from fieldgym.bounds import instance
 
     found = [instance(env_id, each, backend=backend, **options).bound() for each in seeds]
     return {

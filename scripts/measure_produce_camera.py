@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from fieldgym.envs.sorting.config import GRADES, SCENARIOS, SortingConfig
-from fieldgym.envs.sorting.reports import wrapped
-from fieldgym.envs.sorting.scenario import (
+from fieldgym.envs.sorting.core import SortingCore
+from fieldgym.envs.sorting.field import (
     ARRIVAL_S,
     AZIMUTH,
     FRUIT,
@@ -32,7 +32,7 @@ from fieldgym.envs.sorting.scenario import (
     YAW,
     Z_M,
 )
-from fieldgym.envs.sorting.task import SortingCore
+from fieldgym.envs.sorting.reports import wrapped
 from fieldgym.envs.sorting.view import MATCH_RADIUS_M, SorterView
 from fieldgym.perception.produce import Produce
 

@@ -32,7 +32,7 @@ from fieldgym.envs.transplanting.config import (
     MachineConfig,
     TransplantingConfig,
 )
-from fieldgym.envs.transplanting.scenario import draw_blocks, draw_field, random_numbers
+from fieldgym.envs.transplanting.field import draw_blocks, draw_field, random_numbers
 from fieldgym.envs.transplanting.scene import SIDES, Side, TrayLine, TrayScene
 from fieldgym.perception.trays import CellLook, TrayRule, decide, look_at_cells
 

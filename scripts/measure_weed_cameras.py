@@ -25,7 +25,7 @@ import numpy as np
 from fieldgym.agents import make_policy
 from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel, WeedingConfig
 from fieldgym.envs.weeding.env import laser_core
-from fieldgym.envs.weeding.scenario import nearest_crop, nearest_weed, neighbourhood
+from fieldgym.envs.weeding.field import nearest_crop, nearest_weed, neighbourhood
 from fieldgym.envs.weeding.view import DELAY_S, DRIFT_SHARE, FRAME_EVERY_M, SAME_M, FrontCamera, WeederView
 
 STRIPS = {"load-1.0": 8, "load-1.0-even": 3, "dense": 9}

@@ -12,7 +12,7 @@ from fieldgym.scripts.common import CommandError, at_least_one, chosen, execute
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fieldgym.benchmark.reproduction.report import ChapterResult
+    from fieldgym.papers.report import ChapterResult
 
 
 def main(
@@ -34,7 +34,7 @@ def main(
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 
-    from fieldgym.benchmark.reproduction import report
+    from fieldgym.papers import report
 
     wanted = chosen(paper, (*report.CHAPTERS, "all"), "paper")
     keys = report.CHAPTERS if wanted == "all" else (wanted,)
@@ -68,7 +68,7 @@ def _print_table(console: Console, result: ChapterResult) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from fieldgym.benchmark.reproduction import Verdict, report
+    from fieldgym.papers import Verdict, report
 
     colours = {
         Verdict.REPRODUCED: "green",

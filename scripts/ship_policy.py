@@ -16,9 +16,9 @@ from rich.console import Console
 
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.evaluation import Scores, evaluate
-from fieldgym.agents.portable import load, save
-from fieldgym.agents.runs import LAST
-from fieldgym.agents.weights import LEARNED
+from fieldgym.agents.learning.portable import load, save
+from fieldgym.agents.learning.runs import LAST
+from fieldgym.agents.policies.weights import LEARNED
 from fieldgym.benchmark.episode import POLICY_SEEDS
 from fieldgym.benchmark.statistics import mean, paired_difference
 

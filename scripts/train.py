@@ -24,7 +24,7 @@ from fieldgym.scripts.common import (
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fieldgym.agents.runs import Progress
+    from fieldgym.agents.learning.runs import Progress
 
 PLAIN_EVERY = 10
 """Updates between two lines where nothing can be redrawn, as in a log file; a round is worth a line of its own."""
@@ -60,7 +60,7 @@ def main(
     """
     from rich.console import Console
 
-    from fieldgym.agents.train_settings import ALGORITHMS, tuned
+    from fieldgym.agents.learning.train_settings import ALGORITHMS, tuned
     from fieldgym.envs import describe
 
     env_id = environment_id(env)
@@ -95,8 +95,8 @@ def main(
 def _train(
     console: Console, env_id: str, settings: Any, folder: Path, seed: int, threads: int | None, resume: bool
 ) -> None:
-    from fieldgym.agents import policy_iteration, training
-    from fieldgym.agents.runs import CheckpointError
+    from fieldgym.agents.learning import policy_iteration, training
+    from fieldgym.agents.learning.runs import CheckpointError
 
     if not resume and any((folder / state).exists() for state in (training.STATE, policy_iteration.STATE)):
         raise CommandError(f"{folder} holds a run already: go on with --resume, or choose another folder with --out")

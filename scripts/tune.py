@@ -4,7 +4,8 @@
 
 A trial is a short training run; what it scores is the best mean return on the held-out seeds that training chooses its
 weights on, so neither the benchmark's seeds nor those of the trained policies' cards are touched. Runs that lag behind
-the median of the earlier ones are ended early. What ships in ``agents/settings/`` is set by hand from such studies.
+the median of the earlier ones are ended early. What ships in ``agents/learning/settings/`` is set
+by hand from such studies.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ def main(
     import yaml
     from rich.console import Console
 
-    from fieldgym.agents.train_settings import tuned
-    from fieldgym.agents.training import train
+    from fieldgym.agents.learning.train_settings import tuned
+    from fieldgym.agents.learning.training import train
     from fieldgym.envs import describe
 
     env_id = environment_id(env)

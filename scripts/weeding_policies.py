@@ -23,7 +23,7 @@ from rich.table import Column, Table
 import fieldgym
 from fieldgym.agents import policy_names
 from fieldgym.agents.evaluation import Scores
-from fieldgym.agents.weights import LEARNED
+from fieldgym.agents.policies.weights import LEARNED
 from fieldgym.benchmark.statistics import mean, paired_difference
 from fieldgym.envs.weeding.config import SCENARIOS, ScenarioConfig
 from fieldgym.scripts.comparison import play, words

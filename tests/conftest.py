@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from fieldgym.agents import bounds, make_policy, policy_names
+from fieldgym import bounds
+from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.evaluation import evaluate
 
 EXACT = 1e-9

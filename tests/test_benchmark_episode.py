@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fieldgym import agents
-from fieldgym.agents.policy import StatelessPolicy
+from fieldgym.agents.policies.base import StatelessPolicy
 from fieldgym.benchmark import episode as episodes
 from fieldgym.benchmark.record import TIMINGS, digest, identity, plain, untimed
 from fieldgym.benchmark.suites import Condition, Episode

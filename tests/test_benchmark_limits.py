@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from fieldgym.agents import bounds, policy_names
+from fieldgym import bounds
+from fieldgym.agents import policy_names
 from fieldgym.benchmark import limits, store
 from fieldgym.benchmark.episode import run_episode
 from fieldgym.benchmark.record import Record, identity, untimed

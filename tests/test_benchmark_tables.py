@@ -233,8 +233,8 @@ def test_fewer_seeds_are_the_suite_s_first_ones():
 
 
 def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or_chosen_on():
-    from fieldgym.agents.portable import shipped
-    from fieldgym.agents.runs import HELD_OUT_SEEDS, TRAINING_SEEDS
+    from fieldgym.agents.learning.portable import shipped
+    from fieldgym.agents.learning.runs import HELD_OUT_SEEDS, TRAINING_SEEDS
     from fieldgym.envs import ENV_IDS, describe
 
     cases = suites.suite("full").cases
@@ -257,7 +257,7 @@ def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or
 
 def test_suites_cover_every_environment_with_its_reference():
     from fieldgym.agents import policy_names
-    from fieldgym.agents.bounds import bounded_ids
+    from fieldgym.bounds import bounded_ids
     from fieldgym.envs import ENV_IDS, describe
 
     for name in suites.SUITES:

@@ -9,11 +9,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fieldgym.agents import bounds, make_policy
-from fieldgym.agents.bounds import base, safflower, stops
+from fieldgym import bounds
+from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
+from fieldgym.bounds import base, safflower, stops
 from fieldgym.envs.safflower.config import SCENARIOS, PerceptionModel, SafflowerConfig
-from fieldgym.envs.safflower.task import PickerOutcome, SafflowerCore
+from fieldgym.envs.safflower.core import PickerOutcome, SafflowerCore
 
 ID = "fieldgym/SafflowerPicking-v0"
 SEEDS = range(4)

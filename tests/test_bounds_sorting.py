@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fieldgym.agents import bounds, make_policy
-from fieldgym.agents.bounds import belt, sorting
+from fieldgym import bounds
+from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
+from fieldgym.bounds import belt, sorting
 from fieldgym.envs.sorting.config import SCENARIOS, PerceptionModel, SortingConfig
-from fieldgym.envs.sorting.executor import AnalyticSorter
+from fieldgym.envs.sorting.core import SortingCore
+from fieldgym.envs.sorting.machine import AnalyticSorter
 from fieldgym.envs.sorting.state import PASSING_S
-from fieldgym.envs.sorting.task import SortingCore
 
 ID = "fieldgym/ProduceSorting-v0"
 SEEDS = range(4)

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fieldgym.agents import bounds, make_policy
-from fieldgym.agents.bounds import transplanting
+from fieldgym import bounds
+from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
+from fieldgym.bounds import transplanting
 from fieldgym.envs.transplanting.config import (
     SCENARIOS,
     TRAYS,
@@ -18,8 +19,8 @@ from fieldgym.envs.transplanting.config import (
     TransplantingConfig,
     Tray,
 )
+from fieldgym.envs.transplanting.core import TransplantingCore, TransplantOutcome
 from fieldgym.envs.transplanting.motions import motions
-from fieldgym.envs.transplanting.task import TransplantingCore, TransplantOutcome
 
 ID = "fieldgym/TrayTransplanting-v0"
 SEEDS = range(4)

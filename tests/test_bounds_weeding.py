@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fieldgym.agents import bounds, make_policy
-from fieldgym.agents.bounds import shots, strip, timeline, weeding
+from fieldgym import bounds
+from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
-from fieldgym.envs.weeding.aim import LaserArm, LaserReach
+from fieldgym.bounds import shots, strip, timeline, weeding
 from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel, WeedingConfig
+from fieldgym.envs.weeding.core import WeederOutcome, WeedingCore
 from fieldgym.envs.weeding.env import laser_core
-from fieldgym.envs.weeding.task import WeederOutcome, WeedingCore
 from fieldgym.envs.weeding.tool import approach, move_time
+from fieldgym.envs.weeding.tools.laser.aim import LaserArm, LaserReach
 
 LASER, SPEED, HOE = (f"fieldgym/{name}-v0" for name in ("LaserWeeding", "LaserWeedingSpeed", "HoeWeeding"))
 EXACT = 1e-9

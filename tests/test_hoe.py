@@ -13,8 +13,13 @@ from hypothesis import strategies as st
 import fieldgym  # noqa: F401
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel
-from fieldgym.envs.weeding.executor import AnalyticWeeder
-from fieldgym.envs.weeding.hoe import (
+from fieldgym.envs.weeding.core import WeedingCore
+from fieldgym.envs.weeding.field import PAD
+from fieldgym.envs.weeding.rules import NOTHING, WAIT
+from fieldgym.envs.weeding.tool import approach, dose, move_time
+from fieldgym.envs.weeding.tools.hoe.config import HoeProcessConfig, HoeReach, HoeWeedingConfig, circle_s
+from fieldgym.envs.weeding.tools.hoe.machine import check_reach, hoe_parameters, poses, tip_way
+from fieldgym.envs.weeding.tools.hoe.process import (
     HoeArm,
     HoeProcess,
     Stir,
@@ -24,12 +29,7 @@ from fieldgym.envs.weeding.hoe import (
     label_mode,
     uproot_probability,
 )
-from fieldgym.envs.weeding.hoe_config import HoeProcessConfig, HoeReach, HoeWeedingConfig, circle_s
-from fieldgym.envs.weeding.hoe_executor import check_reach, hoe_parameters, poses, tip_way
-from fieldgym.envs.weeding.rules import NOTHING, WAIT
-from fieldgym.envs.weeding.scenario import PAD
-from fieldgym.envs.weeding.task import WeedingCore
-from fieldgym.envs.weeding.tool import approach, dose, move_time
+from fieldgym.envs.weeding.tools.laser.machine import AnalyticWeeder
 from fieldgym.motion import QUINTIC
 
 ENV_ID = "fieldgym/HoeWeeding-v0"

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 import fieldgym
-from fieldgym.agents import make_policy, policy_names, portable
+from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.evaluation import evaluate
-from fieldgym.agents.layout import Layout, layout_of
-from fieldgym.agents.network import NetworkPolicy, shapes
-from fieldgym.agents.weights import LEARNED, PolicyFileError
+from fieldgym.agents.learning import portable
+from fieldgym.agents.policies.layout import Layout, layout_of
+from fieldgym.agents.policies.network import NetworkPolicy, shapes
+from fieldgym.agents.policies.weights import LEARNED, PolicyFileError
 from fieldgym.envs import ENV_IDS
 
 ID = "fieldgym/SafflowerPicking-v0"
@@ -143,7 +144,7 @@ def learner(request):
     import torch
     from sb3_contrib import MaskablePPO
 
-    from fieldgym.agents.set_policy import MaskableSetPolicy
+    from fieldgym.agents.learning.set_policy import MaskableSetPolicy
 
     torch.set_num_threads(1)
     env = sb3.make_vec_env(ID, 16, seed=1)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldgym.agents import planning
-from fieldgym.agents.planning import MOST_CANDIDATES, NOTHING, Step, search
+from fieldgym.agents.policies import search as planning
+from fieldgym.agents.policies.search import MOST_CANDIDATES, NOTHING, Step, search
 from fieldgym.envs.compiled import bind, compiled
 
 

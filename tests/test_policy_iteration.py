@@ -10,11 +10,13 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import fieldgym  # noqa: F401
-from fieldgym.agents import make_policy, planning, portable
-from fieldgym.agents.sorting_value import ValueSearch, describe_all
-from fieldgym.agents.train_settings import TrainSettings, tuned
-from fieldgym.agents.value_weights import SHAPES, VALUE, ValueWeights
-from fieldgym.agents.weights import PolicyFileError
+from fieldgym.agents import make_policy
+from fieldgym.agents.learning import portable
+from fieldgym.agents.learning.train_settings import TrainSettings, tuned
+from fieldgym.agents.policies import search as planning
+from fieldgym.agents.policies.sorting_value import ValueSearch, describe_all
+from fieldgym.agents.policies.value_weights import SHAPES, VALUE, ValueWeights
+from fieldgym.agents.policies.weights import PolicyFileError
 from fieldgym.envs import ENV_IDS
 from fieldgym.envs.sorting.features import candidate_table
 
@@ -90,7 +92,7 @@ def test_the_features_count_items_and_gain_by_the_time_left():
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of four rounds that nothing disturbs."""
     pytest.importorskip("tensorboard")
-    from fieldgym.agents.policy_iteration import iterate
+    from fieldgym.agents.learning.policy_iteration import iterate
 
     folder = tmp_path_factory.mktemp("whole")
     iterate(ID, SMALL, folder)
@@ -113,7 +115,7 @@ def test_a_run_leaves_a_policy_a_curve_and_its_time(whole):
 
 
 def test_a_run_that_stops_and_goes_on_learns_the_same(whole, tmp_path):
-    from fieldgym.agents.policy_iteration import iterate
+    from fieldgym.agents.learning.policy_iteration import iterate
 
     class StoppedError(Exception):
         pass
@@ -131,7 +133,7 @@ def test_a_run_that_stops_and_goes_on_learns_the_same(whole, tmp_path):
 
 def test_however_few_decisions_are_asked_for_there_is_a_policy(tmp_path):
     pytest.importorskip("tensorboard")
-    from fieldgym.agents.policy_iteration import iterate
+    from fieldgym.agents.learning.policy_iteration import iterate
 
     settings = TrainSettings.of({**SMALL.as_dict(), "steps": 1, "episodes": 8, "evaluation_episodes": 2})
     result = iterate(ID, settings, tmp_path)
@@ -143,8 +145,8 @@ def test_with_lambda_one_the_fit_is_that_of_the_returns(tmp_path):
     pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.logger import configure
 
-    from fieldgym.agents.policy_iteration import _RIDGE, _Run
-    from fieldgym.agents.runs import Record
+    from fieldgym.agents.learning.policy_iteration import _RIDGE, _Run
+    from fieldgym.agents.learning.runs import Record
 
     settings = TrainSettings.of({**SMALL.as_dict(), "gae_lambda": 1.0})
     env = worlds(settings.episodes)
@@ -164,8 +166,8 @@ def test_with_lambda_one_the_fit_is_that_of_the_returns(tmp_path):
 
 
 def test_a_checkpoint_says_what_does_not_fit(whole, tmp_path):
-    from fieldgym.agents.policy_iteration import iterate
-    from fieldgym.agents.runs import CheckpointError
+    from fieldgym.agents.learning.policy_iteration import iterate
+    from fieldgym.agents.learning.runs import CheckpointError
 
     with pytest.raises(CheckpointError, match="start without --resume"):
         iterate(ID, SMALL, tmp_path, resume=True)
@@ -182,7 +184,7 @@ def test_a_checkpoint_says_what_does_not_fit(whole, tmp_path):
 
 def test_what_it_is_not_made_for_is_refused(tmp_path):
     pytest.importorskip("tensorboard")
-    from fieldgym.agents.policy_iteration import iterate
+    from fieldgym.agents.learning.policy_iteration import iterate
 
     with pytest.raises(ValueError, match="choose maskable-ppo or ppo"):
         iterate(ENV_IDS[0], SMALL, tmp_path)

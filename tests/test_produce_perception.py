@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from fieldgym.envs.sorting.config import SCENARIOS, BeltConfig, PerceptionModel, SortingConfig
-from fieldgym.envs.sorting.executor import AnalyticSorter
+from fieldgym.envs.sorting.core import SortingCore
+from fieldgym.envs.sorting.field import ARRIVAL_S, centre_height_m
+from fieldgym.envs.sorting.machine import AnalyticSorter
 from fieldgym.envs.sorting.reports import wrapped
-from fieldgym.envs.sorting.scenario import ARRIVAL_S, centre_height_m
 from fieldgym.envs.sorting.scene import OPEN_M, ShownItem, SorterScene, item_colour
-from fieldgym.envs.sorting.task import SortingCore
 from fieldgym.envs.sorting.view import SorterView, sensor_noise
 from fieldgym.motion.orientation import axes, tilted
 from fieldgym.perception.produce import detect_produce

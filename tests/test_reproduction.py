@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import pytest
 from typer.testing import CliRunner
 
-from fieldgym.benchmark.reproduction import Chapter, Figure, Verdict, number, report, statement, undeterminable
+from fieldgym.papers import Chapter, Figure, Verdict, number, report, statement, undeterminable
 from fieldgym.scripts import reproduce
 
 
@@ -120,7 +120,7 @@ def test_the_command_prints_tables_or_json_and_leaves_with_zero(tmp_path, monkey
 
 def test_every_chapter_has_a_module_and_unknown_ones_are_named(tmp_path):
     for key in report.CHAPTERS:
-        assert find_spec(f"fieldgym.benchmark.reproduction.{key}") is not None
+        assert find_spec(f"fieldgym.papers.{key}") is not None
     with pytest.raises(ValueError, match="'weeds' is unknown: choose from laser, prrs, safflower, transplanting"):
         report.reproduce(["weeds"], tmp_path)
 

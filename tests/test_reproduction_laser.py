@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldgym.benchmark.reproduction import Verdict, laser, laser_model
 from fieldgym.mechanisms import ThreeUPSRPU
+from fieldgym.papers import Verdict, laser, laser_model
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fieldgym.benchmark.reproduction import Verdict
-from fieldgym.benchmark.reproduction.prrs import (
+from fieldgym.mechanisms import ThreePRRS
+from fieldgym.mechanisms.geometry import line_distance, segment_distance
+from fieldgym.papers import Verdict
+from fieldgym.papers.prrs import (
     ALTERNATIVE,
     LEVEL,
     PUBLISHED_LIMITS_MM,
@@ -18,9 +20,7 @@ from fieldgym.benchmark.reproduction.prrs import (
     line_clearance,
     mismatch,
 )
-from fieldgym.benchmark.reproduction.prrs_influence import level_volume
-from fieldgym.mechanisms import ThreePRRS
-from fieldgym.mechanisms.geometry import line_distance, segment_distance
+from fieldgym.papers.prrs_influence import level_volume
 
 MACHINE = ThreePRRS.published()
 

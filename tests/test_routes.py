@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldgym.agents.routes import MOST_EXACT, open_route, route_time, shortest_route
+from fieldgym.agents.policies.routes import MOST_EXACT, open_route, route_time, shortest_route
 
 
 def travel_times(n: int, seed: int) -> np.ndarray:

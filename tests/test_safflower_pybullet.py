@@ -8,7 +8,7 @@ import pytest
 
 from fieldgym.agents import act_single, make_policy
 from fieldgym.envs.safflower.config import SCENARIOS
-from fieldgym.envs.safflower.executor import trajectory
+from fieldgym.envs.safflower.machine import trajectory
 from fieldgym.envs.safflower.rules import NOTHING
 
 ID = "fieldgym/SafflowerPicking-v0"
@@ -70,8 +70,8 @@ def test_commands_keep_to_the_limits_and_the_workspace():
 
 def test_a_batch_of_machines_is_refused():
     from fieldgym.envs.safflower.config import PerceptionModel, SafflowerConfig
-    from fieldgym.envs.safflower.executor import PyBulletPicker
-    from fieldgym.envs.safflower.task import SafflowerCore
+    from fieldgym.envs.safflower.core import SafflowerCore
+    from fieldgym.envs.safflower.machine import PyBulletPicker
 
     with pytest.raises(ValueError, match="one machine"):
         PyBulletPicker(SafflowerCore(SafflowerConfig(), PerceptionModel.perfect(), 2))

@@ -18,11 +18,11 @@ from fieldgym.envs.safflower.config import (
     ProcessConfig,
     SafflowerConfig,
 )
+from fieldgym.envs.safflower.core import PickerOutcome, SafflowerCore
 from fieldgym.envs.safflower.features import candidate_table
+from fieldgym.envs.safflower.field import draw_heads, fixed_order, reach_table, stop_centres
 from fieldgym.envs.safflower.process import Shears, collected_share, cut_share, dropped_share
 from fieldgym.envs.safflower.rules import DRIVE, FINISH, MISSED, NOTHING, TOTAL
-from fieldgym.envs.safflower.scenario import draw_heads, fixed_order, reach_table, stop_centres
-from fieldgym.envs.safflower.task import PickerOutcome, SafflowerCore
 from fieldgym.motion import QUINTIC
 
 ID = "fieldgym/SafflowerPicking-v0"

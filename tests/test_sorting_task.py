@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldgym.agents import make_policy, policy_names
-from fieldgym.agents.sorting import RecedingHorizon
+from fieldgym.agents.policies.sorting import RecedingHorizon
 from fieldgym.envs.sorting import reach
 from fieldgym.envs.sorting.config import (
     GRADES,
@@ -24,12 +24,9 @@ from fieldgym.envs.sorting.config import (
     ScenarioConfig,
     SortingConfig,
 )
-from fieldgym.envs.sorting.executor import AnalyticSorter, PyBulletSorter
+from fieldgym.envs.sorting.core import SortingCore
 from fieldgym.envs.sorting.features import CANDIDATE_FEATURES, candidate_table
-from fieldgym.envs.sorting.motions import PickMotion, follow_share
-from fieldgym.envs.sorting.process import Fingers, grip_quality, holds, slips
-from fieldgym.envs.sorting.reports import begin_worlds, wrapped
-from fieldgym.envs.sorting.scenario import (
+from fieldgym.envs.sorting.field import (
     ARRIVAL_S,
     COMMON,
     GRADE,
@@ -49,8 +46,11 @@ from fieldgym.envs.sorting.scenario import (
     gap_s,
     random_numbers,
 )
+from fieldgym.envs.sorting.machine import AnalyticSorter, PyBulletSorter
+from fieldgym.envs.sorting.motions import PickMotion, follow_share
+from fieldgym.envs.sorting.process import Fingers, grip_quality, holds, slips
+from fieldgym.envs.sorting.reports import begin_worlds, wrapped
 from fieldgym.envs.sorting.state import NOTHING, PICK, TIME, WAIT
-from fieldgym.envs.sorting.task import SortingCore
 from fieldgym.mechanisms import ThreePRRS
 from fieldgym.motion import QUINTIC
 from fieldgym.motion.orientation import axes, tilted

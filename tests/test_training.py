@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import fieldgym  # noqa: F401
-from fieldgym.agents.train_settings import TrainSettings, tuned
+from fieldgym.agents.learning.train_settings import TrainSettings, tuned
 from fieldgym.envs import ENV_IDS, describe
 
 ID = "fieldgym/SafflowerPicking-v0"
@@ -53,7 +53,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of six updates that nothing disturbs."""
     pytest.importorskip("sb3_contrib")
     pytest.importorskip("tensorboard")
-    from fieldgym.agents.training import train
+    from fieldgym.agents.learning.training import train
 
     folder = tmp_path_factory.mktemp("whole")
     train(ID, SMALL, folder, threads=1)
@@ -61,9 +61,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_run_leaves_a_policy_a_curve_a_log_and_its_time(whole):
-    from fieldgym.agents.portable import load
-    from fieldgym.agents.runs import HELD_OUT_SEEDS, TRAINING_SEEDS
-    from fieldgym.agents.training import train
+    from fieldgym.agents.learning.portable import load
+    from fieldgym.agents.learning.runs import HELD_OUT_SEEDS, TRAINING_SEEDS
+    from fieldgym.agents.learning.training import train
 
     result = train(ID, SMALL, whole, resume=True)
     progress = result.progress
@@ -81,7 +81,7 @@ def test_a_run_leaves_a_policy_a_curve_a_log_and_its_time(whole):
 
 
 def test_a_run_that_stops_and_goes_on_learns_the_same(whole, tmp_path):
-    from fieldgym.agents.training import train
+    from fieldgym.agents.learning.training import train
 
     with pytest.raises(StoppedError):
         train(ID, SMALL, tmp_path, threads=1, on_update=stop_after(4))
@@ -99,7 +99,7 @@ def test_a_killed_run_goes_on(whole, tmp_path):
     code = f"""
 from pathlib import Path
 from fieldgym.agents.train_settings import TrainSettings
-from fieldgym.agents.training import train
+from fieldgym.agents.learning.training import train
 settings = TrainSettings(**{SMALL.as_dict()!r})
 train({ID!r}, settings, Path({str(tmp_path)!r}), threads=1, on_update=lambda p: print(p.updates, flush=True))
 """
@@ -110,7 +110,7 @@ train({ID!r}, settings, Path({str(tmp_path)!r}), threads=1, on_update=lambda p: 
     time.sleep(0.01)
     os.kill(run.pid, signal.SIGKILL)
     run.communicate()
-    from fieldgym.agents.training import train
+    from fieldgym.agents.learning.training import train
 
     train(ID, SMALL, tmp_path, threads=1, resume=True)
     one, other = weights(whole), weights(tmp_path)
@@ -120,7 +120,7 @@ train({ID!r}, settings, Path({str(tmp_path)!r}), threads=1, on_update=lambda p: 
 @pytest.mark.parametrize("env_id", [env_id for env_id in ENV_IDS if env_id != ID])
 def test_every_task_goes_on_as_it_was(env_id, tmp_path):
     pytest.importorskip("sb3_contrib")
-    from fieldgym.agents.training import train
+    from fieldgym.agents.learning.training import train
 
     settings = TrainSettings.of(
         {**SMALL.as_dict(), "scenario": None, "steps": 384, "evaluate_every": 100, "evaluation_episodes": 1}
@@ -134,8 +134,8 @@ def test_every_task_goes_on_as_it_was(env_id, tmp_path):
 
 
 def test_a_checkpoint_says_what_does_not_fit(whole, tmp_path):
-    from fieldgym.agents.runs import CheckpointError
-    from fieldgym.agents.training import train
+    from fieldgym.agents.learning.runs import CheckpointError
+    from fieldgym.agents.learning.training import train
 
     with pytest.raises(CheckpointError, match="start without --resume"):
         train(ID, SMALL, tmp_path, resume=True)
@@ -150,7 +150,7 @@ def test_a_checkpoint_says_what_does_not_fit(whole, tmp_path):
 
 def test_plain_ppo_takes_the_mask_from_the_observation(tmp_path):
     pytest.importorskip("sb3_contrib")
-    from fieldgym.agents.training import train
+    from fieldgym.agents.learning.training import train
 
     settings = TrainSettings.of({**SMALL.as_dict(), "algo": "ppo", "steps": 128, "evaluate_every": 1})
     assert train(ID, settings, tmp_path, threads=1).progress.steps == 128
@@ -160,8 +160,8 @@ def test_a_pupil_begins_with_what_its_teacher_does(tmp_path):
     pytest.importorskip("sb3_contrib")
     from fieldgym.agents import make_policy
     from fieldgym.agents.evaluation import evaluate
-    from fieldgym.agents.runs import HELD_OUT_SEEDS
-    from fieldgym.agents.training import train
+    from fieldgym.agents.learning.runs import HELD_OUT_SEEDS
+    from fieldgym.agents.learning.training import train
 
     settings = TrainSettings.of(
         {

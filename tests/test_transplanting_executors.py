@@ -21,8 +21,8 @@ from fieldgym.envs.transplanting.config import (
     TransplantingConfig,
     Tray,
 )
-from fieldgym.envs.transplanting.executor import EMPTY_HANDED, moves
-from fieldgym.envs.transplanting.task import TransplantingCore, TransplantOutcome
+from fieldgym.envs.transplanting.core import TransplantingCore, TransplantOutcome
+from fieldgym.envs.transplanting.machine import EMPTY_HANDED, moves
 from fieldgym.scripts.transplanting_rates import longest_stroke_m
 
 ID = "fieldgym/TrayTransplanting-v0"

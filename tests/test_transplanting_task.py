@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldgym.agents import make_policy, policy_names
-from fieldgym.agents.transplanting import best_order, mended, sequence_s
+from fieldgym.agents.policies.transplanting import best_order, mended, sequence_s
 from fieldgym.envs.transplanting.config import (
     DAMAGED,
     EMPTY,
@@ -28,12 +28,12 @@ from fieldgym.envs.transplanting.config import (
     TransplantingConfig,
     Tray,
 )
+from fieldgym.envs.transplanting.core import TransplantingCore, TransplantOutcome
 from fieldgym.envs.transplanting.features import candidate_table
+from fieldgym.envs.transplanting.field import draw_blocks, draw_field, random_numbers, reports
 from fieldgym.envs.transplanting.motions import cell_places, gate_motion, motions
 from fieldgym.envs.transplanting.process import damage_chances, loss_chances
 from fieldgym.envs.transplanting.rules import FILLED, FINISH, GAPS, INDEX_SOURCE, INDEX_TARGET, NOTHING
-from fieldgym.envs.transplanting.scenario import draw_blocks, draw_field, random_numbers, reports
-from fieldgym.envs.transplanting.task import TransplantingCore, TransplantOutcome
 from fieldgym.motion import QUINTIC
 
 ID = "fieldgym/TrayTransplanting-v0"

@@ -8,8 +8,7 @@ import pytest
 
 import fieldgym  # noqa: F401
 from fieldgym.envs.weeding.config import SCENARIOS, CartConfig, PerceptionModel, WeedingConfig
-from fieldgym.envs.weeding.executor import weeder_parameters
-from fieldgym.envs.weeding.scenario import (
+from fieldgym.envs.weeding.field import (
     FAR_M,
     draw_blocks,
     draw_plants,
@@ -21,6 +20,7 @@ from fieldgym.envs.weeding.scenario import (
     track_chance,
 )
 from fieldgym.envs.weeding.scene import WeederScene
+from fieldgym.envs.weeding.tools.laser.machine import weeder_parameters
 from fieldgym.envs.weeding.view import TOOL_SETTINGS
 from fieldgym.perception.weeds import detect_seedlings
 from fieldgym.scripts.measure_weed_cameras import MATCH_M, factors, kept, match

@@ -11,9 +11,9 @@ from ..core import configured
 from ..single import TaskEnv, single_perception
 from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, PerceptionModel, SafflowerConfig
-from .executor import AnalyticPicker, PyBulletPicker
+from .core import PickerOutcome, SafflowerCore
+from .machine import AnalyticPicker, PyBulletPicker
 from .rules import PickerPlan
-from .task import PickerOutcome, SafflowerCore
 
 if TYPE_CHECKING:
     from .view import PickerView

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from ...perception.blooms import detect_blooms
 from ...simulation.camera import RgbdFrame
 from ..core import Array, StepResult
-from .executor import picker_parameters, trajectory
+from .core import SafflowerCore
+from .field import fixed_order, stop_centres
+from .machine import picker_parameters, trajectory
 from .rules import NOTHING, PickerPlan
-from .scenario import fixed_order, stop_centres
 from .scene import Field, PickerScene
-from .task import SafflowerCore
 
 MATCH_RADIUS_M = 0.025
 """A report farther than this from every head is counted as false."""

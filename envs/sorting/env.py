@@ -11,9 +11,9 @@ from ..core import configured
 from ..single import TaskEnv, single_perception
 from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, PerceptionModel, SortingConfig
-from .executor import AnalyticSorter, PyBulletSorter
+from .core import SorterOutcome, SortingCore
+from .machine import AnalyticSorter, PyBulletSorter
 from .state import SorterPlan
-from .task import SorterOutcome, SortingCore
 
 if TYPE_CHECKING:
     from .view import SorterView

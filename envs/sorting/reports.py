@@ -12,9 +12,7 @@ from ..compiled import compiled, fill, shortest
 from ..core import Array, Rows
 from .config import GRADES
 from .features import CANDIDATE_FEATURES, LENGTH_SCALE_M, PLACE_SCALE_M, TILT_SCALE_RAD, TURN_SCALE_RAD
-from .process import Fingers, grip_quality, holds, slips
-from .reach import reach_m
-from .scenario import (
+from .field import (
     ARRIVAL_S,
     AZIMUTH,
     GRADE,
@@ -32,6 +30,8 @@ from .scenario import (
     YAW,
     Z_M,
 )
+from .process import Fingers, grip_quality, holds, slips
+from .reach import reach_m
 from .state import (
     ACROSS_M,
     ASIDE_M2,

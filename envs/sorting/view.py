@@ -11,25 +11,11 @@ from ...motion.orientation import LEVEL, conjugate, product, tilted
 from ...perception.produce import Produce, ProduceRules, detect_produce
 from ...simulation.camera import RgbdFrame
 from ..core import Array, StepResult
+from .core import SortingCore
+from .field import ARRIVAL_S, AZIMUTH, FRUIT, GRADE, LENGTH_M, REPORT, SKIN, THICKNESS, TILT, WIDTH, Y_M, YAW, Z_M
 from .motions import PickMotion, Way
-from .scenario import (
-    ARRIVAL_S,
-    AZIMUTH,
-    FRUIT,
-    GRADE,
-    LENGTH_M,
-    REPORT,
-    SKIN,
-    THICKNESS,
-    TILT,
-    WIDTH,
-    Y_M,
-    YAW,
-    Z_M,
-)
 from .scene import BELT_END_M, BELT_START_M, BIN_HOLDS, OPEN_M, ShownItem, SorterScene, item_colour
 from .state import PICK, RELEASE, SorterPlan
-from .task import SortingCore
 
 MATCH_RADIUS_M = 0.025
 """A report farther than this from every item is counted as false."""

@@ -12,9 +12,9 @@ from ..core import configured
 from ..single import TaskEnv, single_perception
 from ..vector import TaskVectorEnv, batched_perception
 from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, ScenarioConfig, TransplantingConfig, tray
-from .executor import AnalyticTransplanter, PyBulletTransplanter
+from .core import TransplantingCore, TransplantOutcome
+from .machine import AnalyticTransplanter, PyBulletTransplanter
 from .rules import TransplantPlan
-from .task import TransplantingCore, TransplantOutcome
 
 if TYPE_CHECKING:
     from .view import TransplantView

@@ -11,7 +11,7 @@ from ..compiled import compiled
 from ..core import Array, StepResult
 from .config import DAMAGED, EMPTY, HEALTHY, POOR, SPEEDS
 from .features import CANDIDATE_FEATURES, MACHINE_FEATURES, MOVE_SCALE_S
-from .scenario import LUCKS, Cells
+from .field import LUCKS, Cells
 
 INDEX_SOURCE, INDEX_TARGET, NOTHING, FINISH = 3, 4, 5, 6
 """Kinds of decision after the three speeds: move a conveyor on, an illegal action, send the last row away."""

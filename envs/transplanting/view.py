@@ -11,10 +11,10 @@ from ...motion import QUINTIC
 from ...perception.trays import classify_row
 from ..core import Array, StepResult
 from .config import EMPTY
-from .executor import Move, Trajectories, moves
+from .core import TransplantingCore
+from .machine import Move, Trajectories, moves
 from .rules import FINISH, INDEX_SOURCE, INDEX_TARGET, NOTHING, TransplantPlan
 from .scene import SIDES, Side, TrayLine, TrayScene
-from .task import TransplantingCore
 
 _NEEDLES_S = 0.06
 """Time in which a picture shows the needles closing."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import Array
-from .aim import LaserReach
+from .tools.laser.aim import LaserReach
 
 DOSES = ("low", "normal", "high")
 STAGES = ("cotyledon", "two-leaf", "four-leaf")
@@ -392,7 +392,7 @@ class WeedingConfig(FieldTask):
 
     def label_work_s(self, species: int, stage: int) -> float:
         """Seconds of the correction and of the dose that a kind calls for."""
-        from .process import label_dose
+        from .tools.laser.process import label_dose
 
         process = self.process
         return process.correct_s + process.dose_j[label_dose(process, species, stage)] / process.power_w

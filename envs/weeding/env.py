@@ -12,15 +12,15 @@ from gymnasium.vector import AutoresetMode
 from ..core import Executor, choice, configured
 from ..single import TaskEnv, single_perception
 from ..vector import TaskVectorEnv, batched_perception
-from .aim import LaserArm
 from .config import SCENARIOS, FieldTask, PerceptionModel, WeedingConfig
-from .executor import AnalyticWeeder, PyBulletWeeder
-from .hoe import HoeArm, HoeProcess
-from .hoe_config import HoeWeedingConfig
-from .hoe_executor import PyBulletHoe
-from .process import LaserProcess
+from .core import WeederOutcome, WeedingCore
 from .rules import WeederPlan
-from .task import WeederOutcome, WeedingCore
+from .tools.hoe.config import HoeWeedingConfig
+from .tools.hoe.machine import PyBulletHoe
+from .tools.hoe.process import HoeArm, HoeProcess
+from .tools.laser.aim import LaserArm
+from .tools.laser.machine import AnalyticWeeder, PyBulletWeeder
+from .tools.laser.process import LaserProcess
 
 if TYPE_CHECKING:
     from .view import FieldView
@@ -66,7 +66,7 @@ def _laser_view(core: WeedingCore, config: WeedingConfig, window: bool) -> Field
 
 
 def _hoe_view(core: WeedingCore, config: HoeWeedingConfig, window: bool) -> FieldView[Any]:
-    from .hoe_view import HoeView
+    from .tools.hoe.view import HoeView
 
     return HoeView(core, config, window)
 

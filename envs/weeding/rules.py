@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..compiled import compiled
 from ..core import Array, StepResult
-from .scenario import PAD
+from .field import PAD
 from .tool import Approach, approach, dose, move_time, ready
 
 MODES = 3

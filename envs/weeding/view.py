@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from ...perception.weeds import Seedlings, WeedDetectorSettings, WeedTracker, detect_seedlings
 from ..core import Array, StepResult
-from .aim import poses
 from .config import WeedingConfig
-from .executor import trajectory, weeder_parameters
+from .core import WeedingCore
 from .rules import WAIT, WeederPlan
 from .scene import FieldScene, WeederScene
-from .task import WeedingCore
+from .tools.laser.aim import poses
+from .tools.laser.machine import trajectory, weeder_parameters
 
 FRAME_EVERY_M = 0.06
 """The front camera takes a picture after this much way: six or seven of every weed."""

@@ -1,0 +1,1 @@
+"""How policies are learned, what a run keeps, and files of learned policies."""

@@ -1,0 +1,184 @@
+"""Learned policies as files that are safe to open: weights in ``.npz`` without pickle, a card in JSON beside them.
+
+A policy runs with NumPy alone, whatever it was trained with. A stranger's file can at worst decide badly: its size,
+its names, its shapes and its numbers are checked before anything is computed with it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import zipfile
+from collections.abc import Callable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..policies.network import FORMAT as NETWORK
+from ..policies.network import NetworkPolicy
+from ..policies.value_weights import FORMAT as SORTING_VALUE
+from ..policies.value_weights import ValueWeights
+from ..policies.weights import LEARNED, PolicyFileError, Weights
+
+MOST_BYTES = 2_000_000
+"""Largest file, packed or unpacked: a policy is small, what is larger is something else."""
+MOST_CARD_BYTES = 500_000
+
+
+class Portable(Protocol):
+    """A learned policy, or what becomes one for an environment: it can be kept in a file.
+
+    Attributes:
+        name: of the policy in tables.
+        card: what is known of it: task, settings, seeds, scores, weaknesses.
+        weights: plain arrays by name.
+        head: what a card has to say for the weights to be read, its format among it.
+    """
+
+    name: str
+    card: dict[str, Any]
+    weights: Weights
+
+    @property
+    def head(self) -> dict[str, Any]:
+        """See above."""
+        ...
+
+    def fitted(self, env: Any) -> Any:
+        """The policy for an environment."""
+
+
+READERS: dict[str, Callable[[Mapping[str, Any], Weights, str], Portable]] = {
+    NETWORK: NetworkPolicy.of,
+    SORTING_VALUE: ValueWeights.of,
+}
+
+
+def save(path: Path, policy: Portable, card: Mapping[str, Any] | None = None) -> None:
+    """Write ``path`` (``.npz``) and its card (``.json``), each to a temporary name first.
+
+    Args:
+        path: ends in ``.npz``.
+        policy: whose weights are kept.
+        card: whatever should be known of the policy, JSON values; by default what it says itself.
+
+    Raises:
+        PolicyFileError: the file would be too large, or is not called ``.npz``.
+    """
+    if path.suffix != ".npz":
+        raise PolicyFileError(f"{path}: name a file that ends in .npz")
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **policy.weights)  # type: ignore[arg-type]
+    if len(buffer.getvalue()) > MOST_BYTES:
+        raise PolicyFileError(
+            f"{path} would have {len(buffer.getvalue())} bytes, at most {MOST_BYTES}: use less hidden"
+        )
+    # The head stands first, whatever an older card says.
+    text = json.dumps(
+        policy.head | dict(policy.card if card is None else card) | policy.head, indent=2, allow_nan=False
+    )
+    replace_file(path, buffer.getvalue())
+    replace_file(path.with_suffix(".json"), (text + "\n").encode())
+
+
+def load(path: Path, name: str = LEARNED) -> Portable:
+    """Read a policy: ``path`` (``.npz``) and the card of the same name (``.json``).
+
+    Raises:
+        PolicyFileError: a file is missing, too large, damaged or of another kind.
+    """
+    card = _read_card(path.with_suffix(".json"))
+    try:
+        return READERS[card["format"]](card, _read_weights(path), name)
+    except PolicyFileError as error:
+        raise PolicyFileError(f"{path}: {error}") from None
+
+
+def load_for(path: Path, env: Any, name: str = LEARNED) -> Any:
+    """Read a policy and fit it to an environment.
+
+    Raises:
+        PolicyFileError: it was made for another task.
+    """
+    saved = load(path, name)
+    spec = env.unwrapped.spec
+    made_for = saved.card.get("env_id")
+    if spec is not None and made_for not in (None, spec.id):
+        raise PolicyFileError(f"{path} was trained on {made_for}, this is {spec.id}")
+    try:
+        return saved.fitted(env)
+    except PolicyFileError as error:
+        raise PolicyFileError(f"{path}: {error}") from None
+
+
+def shipped(env_id: str, scenario: str | None = None) -> Path | None:
+    """File of the policy that the package ships for an environment, None where there is none.
+
+    Args:
+        env_id: registered id.
+        scenario: the policy trained on this scenario where there is one, else one of another scenario.
+    """
+    folder = resources.files(__name__.rsplit(".", 3)[0]) / "assets" / "policies"
+    stem = env_id.split("/")[-1]
+    if not isinstance(folder, Path) or not folder.is_dir():
+        return None
+    there = {path.stem.removeprefix(stem + "."): path for path in sorted(folder.glob(f"{stem}.*.npz"))}
+    if not there:
+        return None
+    return there.get(scenario or "", next(iter(there.values())))
+
+
+def task_digest(env: Any) -> str:
+    """Digest of every number of a task's configuration: a policy's card says with it what it was trained on."""
+    return hashlib.sha256(repr(env.unwrapped.core.config).encode()).hexdigest()[:16]
+
+
+def _read_card(path: Path) -> dict[str, Any]:
+    try:
+        if path.stat().st_size > MOST_CARD_BYTES:
+            raise PolicyFileError(f"{path} has {path.stat().st_size} bytes, at most {MOST_CARD_BYTES} are read")
+        text = path.read_bytes()
+    except OSError as error:
+        raise PolicyFileError(f"cannot read {path} ({error.strerror}): a policy is NAME.npz with NAME.json") from None
+    try:
+        card = json.loads(text)
+    except (ValueError, RecursionError):
+        raise PolicyFileError(f"{path} is no JSON: fetch the policy again") from None
+    found = card.get("format") if isinstance(card, dict) else None
+    if found not in READERS:
+        raise PolicyFileError(f"{path} has the format {found!r}, this version reads {', '.join(READERS)}")
+    return card
+
+
+def _read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
+    try:
+        size = path.stat().st_size
+        if size > MOST_BYTES:
+            raise PolicyFileError(f"it has {size} bytes, at most {MOST_BYTES} are read")
+        with zipfile.ZipFile(path) as archive:
+            unpacked = sum(item.file_size for item in archive.infolist())
+            if unpacked > MOST_BYTES:
+                raise PolicyFileError(f"it unpacks to {unpacked} bytes, at most {MOST_BYTES} are read")
+        with np.load(path, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in list(arrays)}
+    except PolicyFileError:
+        raise
+    except OSError as error:
+        raise PolicyFileError(f"cannot be read ({error.strerror or error})") from None
+    except Exception as error:  # NumPy and zipfile raise many kinds for damaged files, pickled objects among them.
+        raise PolicyFileError(f"damaged, or no file of plain arrays ({error})") from None
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file to a temporary name, then rename it."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(data)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,218 @@
+"""Training a set policy with (Maskable) PPO: measured, evaluated on held-out seeds, and safe against being killed."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.utils import LinearSchedule
+
+from ..evaluation import mean
+from ..policies.layout import layout_of
+from ..policies.network import NetworkPolicy
+from ..registry import make_policy
+from . import checkpoint
+from .imitation import imitate
+from .runs import BEST, Progress, Record, Result, first_training_seed
+from .sb3 import NativeVecEnv, make_vec_env
+from .set_policy import MaskableSetPolicy, SetPolicy
+from .train_settings import TrainSettings
+
+STATE = "state.pt"
+RECENT_EPISODES = 200
+
+
+def train(
+    env_id: str,
+    settings: TrainSettings,
+    folder: Path,
+    *,
+    seed: int = 0,
+    resume: bool = False,
+    threads: int | None = None,
+    on_update: Callable[[Progress], None] = lambda progress: None,
+) -> Result:
+    """Train until ``settings.steps`` decisions are learned from.
+
+    Every update ends with a checkpoint ``state.pt``; after a kill, ``resume=True`` goes on from the last one and takes
+    the decisions that the unbroken run would have taken. ``best.npz`` holds the weights with the highest return on the
+    held-out seeds so far, ``last.npz`` the latest, ``curve.json`` every evaluation, ``tensorboard/`` the learner's log.
+
+    Args:
+        env_id: registered id.
+        settings: what to do; on a resume only ``steps`` may differ.
+        folder: where everything goes.
+        seed: of the run.
+        resume: go on from the folder's checkpoint.
+        threads: of PyTorch; None leaves them as they are.
+        on_update: called after every update.
+
+    Raises:
+        CheckpointError: the checkpoint cannot be used.
+        ValueError: ``seed`` is out of range.
+    """
+    first_seed = first_training_seed(seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    if threads is not None:
+        torch.set_num_threads(threads)
+    saved = checkpoint.read(folder / STATE) if resume else None
+    env = make_vec_env(
+        env_id,
+        settings.num_envs,
+        scenario=settings.scenario,
+        time_limit_ends=settings.time_limit_ends,
+        reward_scale=settings.reward_scale,
+    )
+    try:
+        # SB3 hands its own seed on to the environment.
+        model = _model(env, settings, first_seed)
+        logger = configure(str(folder / "tensorboard"), ["tensorboard"])
+        record = Record(env_id, settings, seed, folder, logger)
+        run = _Run(record, model, env, on_update)
+        model.set_logger(logger)
+        if saved is not None:
+            run.restore(saved)
+        elif settings.teacher is not None:
+            run.learn_from(settings.teacher)
+        left = settings.steps - model.num_timesteps
+        if left > 0:
+            model.learn(left, callback=run, reset_num_timesteps=False, log_interval=1)
+        return Result(folder / BEST, record.progress, record.curve)
+    finally:
+        env.close()
+
+
+def _model(env: NativeVecEnv, settings: TrainSettings, seed: int) -> Any:
+    from sb3_contrib import MaskablePPO
+    from stable_baselines3 import PPO
+
+    algorithm: Any = MaskablePPO if settings.algo == "maskable-ppo" else PPO
+    policy = MaskableSetPolicy if settings.algo == "maskable-ppo" else SetPolicy
+    return algorithm(
+        policy,
+        env,
+        learning_rate=LinearSchedule(settings.learning_rate, settings.final_learning_rate, 1.0),
+        n_steps=settings.n_steps,
+        batch_size=settings.batch_size,
+        n_epochs=settings.n_epochs,
+        gamma=settings.gamma,
+        gae_lambda=settings.gae_lambda,
+        clip_range=settings.clip_range,
+        ent_coef=settings.ent_coef,
+        vf_coef=settings.vf_coef,
+        max_grad_norm=settings.max_grad_norm,
+        target_kl=settings.target_kl,
+        seed=seed,
+        device="cpu",
+        policy_kwargs={
+            "layout": layout_of(env.native),
+            "hidden": settings.hidden,
+            "critic_hidden": settings.critic_hidden,
+            "relations": settings.relations,
+        },
+    )
+
+
+class _Run(BaseCallback):
+    """Measures, evaluates and keeps a run, between SB3's rollouts and updates."""
+
+    def __init__(self, record: Record, learner: Any, env: NativeVecEnv, on_update: Callable[[Progress], None]):
+        super().__init__()
+        self.record, self.settings = record, record.settings
+        self.learner, self.worlds, self.on_update = learner, env, on_update
+        self.recent: deque[list[float]] = deque(maxlen=RECENT_EPISODES)
+        self._inside = 0.0
+        self._collected = False
+
+    @property
+    def progress(self) -> Progress:
+        """How far the run is."""
+        return self.record.progress
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Go on from a checkpoint."""
+        run = saved["text"]["run"]
+        self.record.restore(run)
+        checkpoint.restore(saved, self.learner, self.worlds)
+        self.recent.extend(run["recent"])
+
+    def learn_from(self, teacher: str) -> None:
+        """Begin with what a scripted policy does."""
+        settings, record = self.settings, self.record
+        self.progress.taught = imitate(
+            self.learner,
+            self.worlds,
+            make_policy(teacher, self.worlds.native, record.seed),
+            settings.teacher_decisions,
+            settings.teacher_epochs,
+            settings.batch_size,
+        )
+        # The run begins with fresh instances, as one without a teacher does.
+        self.worlds.seed(first_training_seed(record.seed))
+        self.progress.learning_s += record.lap()
+        self._evaluate()
+        self.progress.other_s += record.lap()
+
+    def _on_training_start(self) -> None:
+        # SB3 empties its episode buffer when learning begins; the checkpoint keeps it for the log.
+        self.learner.ep_info_buffer.extend(getattr(self.learner, "_restored_episodes", ()))
+        self._inside = self.worlds.step_wall_s
+        self.record.lap()
+
+    def _on_rollout_start(self) -> None:
+        if self._collected:
+            self._after_update()
+
+    def _on_step(self) -> bool:
+        for row in np.flatnonzero(self.locals["dones"]).tolist():
+            info = self.locals["infos"][row]
+            card = info["scorecard"]
+            self.recent.append([info["episode"]["r"], card["net_rate"], card["cycle_time_s"]])
+        return True
+
+    def _on_rollout_end(self) -> None:
+        inside = self.worlds.step_wall_s - self._inside
+        self._inside = self.worlds.step_wall_s
+        self.progress.environment_s += inside
+        self.progress.acting_s += self.record.lap() - inside
+        self._collected = True
+        if self.recent:
+            latest = np.array(self.recent)
+            for column, name in enumerate(("return", "net_rate", "cycle_time_s")):
+                self.logger.record(f"episode/{name}", mean(latest[:, column]))
+
+    def _on_training_end(self) -> None:
+        if self._collected:
+            self._after_update(final=True)
+
+    def _after_update(self, final: bool = False) -> None:
+        progress, record = self.progress, self.record
+        progress.learning_s += record.lap()
+        self._collected = False
+        progress.steps, progress.updates = self.learner.num_timesteps, progress.updates + 1
+        if self.recent:
+            latest = np.array(self.recent)
+            progress.returns, progress.net_rate = mean(latest[:, 0]), mean(latest[:, 1])
+            progress.cycle_time_s = mean(latest[:, 2])
+        if final or progress.updates % self.settings.evaluate_every == 0:
+            self._evaluate()
+        progress.other_s += record.lap()
+        run = {**record.text(), "recent": list(self.recent)}
+        checkpoint.write(record.folder / STATE, self.learner, self.worlds, run)
+        progress.other_s += record.lap()
+        self.on_update(progress)
+
+    def _evaluate(self) -> None:
+        policy = self.learner.policy
+        weights = {
+            name: values.detach().numpy().copy() for name, values in policy.mlp_extractor.actor.state_dict().items()
+        }
+        network = NetworkPolicy(policy.layout, policy.hidden, weights, {}, relations=policy.relations)
+        facts = {"torch": torch.__version__, "threads": torch.get_num_threads()}
+        self.record.keep(network, self.worlds.native, **facts)

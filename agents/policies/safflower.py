@@ -1,0 +1,184 @@
+"""Scripted rules for the safflower picker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...envs.safflower.config import EFFORTS, OPEN_STAGES, STAGES, SafflowerConfig
+from ...envs.safflower.features import (
+    ACROSS_SCALE_M,
+    AHEAD_SCALE_M,
+    CANDIDATE_FEATURES,
+    MACHINE_FEATURES,
+    SIZE_SCALE_M,
+    TRAVEL_SCALE_S,
+    candidate_table,
+)
+from ...motion import QUINTIC
+from .base import Actions, Observation, StatelessPolicy
+from .routes import open_route, shortest_route
+
+NORMAL = EFFORTS.index("normal")
+_COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
+_OPEN = [_COLUMN[STAGES[stage]] for stage in OPEN_STAGES]
+_MEAN_SIZE_M = 0.04785
+_OPEN_SHARE = 0.4
+"""Share of a plant's heads that are in bloom and seen on an average day [assumed by the rule]."""
+_SIZE_TRUST = 0.3
+"""How far a reported size is believed to differ from the mean: the rest is the camera's error [assumed by the rule]."""
+_CENTRED_SHARE = 0.9
+"""Share of a stroke's cut that is left on average at the camera's position error [assumed by the rule]."""
+
+
+def wanted(observation: Observation) -> NDArray[np.bool_]:
+    """Candidates (B, K) that can be reached and are reported to be in bloom."""
+    candidates = candidate_table(observation)
+    reachable = observation["action_mask"][:, : -1 : len(EFFORTS)] > 0
+    return reachable & (candidates[..., _OPEN].max(axis=-1) > 0.5)
+
+
+def _pick(slot: NDArray[Any], effort: NDArray[Any] | int, picks: Any, slots: int) -> Actions:
+    return np.where(picks, slot * len(EFFORTS) + effort, slots * len(EFFORTS))
+
+
+class FixedOrder(StatelessPolicy):
+    """The paper's way: every open head in the order in which the camera reports it, normal effort."""
+
+    name = "fixed-order"
+
+    def act(self, observation: Observation) -> Actions:
+        """Actions (B,)."""
+        open_heads = wanted(observation)
+        return _pick(open_heads.argmax(axis=1), NORMAL, open_heads.any(axis=1), open_heads.shape[1])
+
+
+class Nearest(StatelessPolicy):
+    """The open head that cart and arm reach soonest, normal effort."""
+
+    name = "nearest"
+
+    def act(self, observation: Observation) -> Actions:
+        """Actions (B,)."""
+        open_heads = wanted(observation)
+        travel = np.where(open_heads, candidate_table(observation)[..., _COLUMN["travel"]], np.inf)
+        return _pick(travel.argmin(axis=1), NORMAL, open_heads.any(axis=1), open_heads.shape[1])
+
+
+class _Routes:
+    """Routes through candidates by the machine's own move times."""
+
+    def __init__(self, config: SafflowerConfig):
+        """Take the machine's rates from the configuration."""
+        picker = config.machine.picker
+        self._velocity = np.array([picker.cart_velocity_m_s, picker.tool_velocity_m_s])
+        self._acceleration = np.array([picker.cart_acceleration_m_s2, picker.tool_acceleration_m_s2])
+
+    def first(
+        self, observation: Observation, heads: NDArray[np.bool_], route: Callable[[NDArray[np.float64]], list[int]]
+    ) -> NDArray[np.int64]:
+        """First slot (B,) of a route through ``heads`` (B, K); 0 where there are none."""
+        slot = np.zeros(len(heads), np.int64)
+        for row in np.flatnonzero(heads.any(axis=1)).tolist():
+            slots = np.flatnonzero(heads[row])
+            slot[row] = slots[route(self._move_times(observation, row, slots))[0]]
+        return slot
+
+    def _move_times(self, observation: Observation, row: int, slots: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Seconds between the arm (index 0) and the candidates (1..n); rise and descent are the same in any order."""
+        features = candidate_table(observation)[row, slots]
+        across = observation["machine"][row, MACHINE_FEATURES.index("across")]
+        ahead = np.append(0.0, features[:, _COLUMN["along"]]) * AHEAD_SCALE_M
+        sideways = np.append(across, features[:, _COLUMN["across"]]) * ACROSS_SCALE_M
+        places = np.column_stack([ahead, sideways])
+        strokes = places[:, None] - places[None]
+        return QUINTIC.duration_unchecked(strokes, self._velocity, self._acceleration).max(axis=-1)
+
+
+class NearestTwoOpt(StatelessPolicy):
+    """The first head of an open route through all open heads at the stop: nearest neighbour mended by 2-opt moves."""
+
+    name = "nearest-2opt"
+
+    def __init__(self, config: SafflowerConfig):
+        """Take the machine's rates from the configuration."""
+        self._routes = _Routes(config)
+
+    def act(self, observation: Observation) -> Actions:
+        """Actions (B,)."""
+        open_heads = wanted(observation)
+        slot = self._routes.first(observation, open_heads, open_route)
+        return _pick(slot, NORMAL, open_heads.any(axis=1), open_heads.shape[1])
+
+
+class GramsPerSecond(StatelessPolicy):
+    """The soonest reached open head that is worth its time, with the effort that brings most for it.
+
+    An effort is worth its expected grams less its seconds at a price: what the reward charges while the row can be
+    finished in time, and what picking earns on average when it cannot, so that efforts shrink as time runs short.
+    """
+
+    name = "grams-per-second"
+
+    def __init__(self, config: SafflowerConfig):
+        """Tabulate what each effort takes and what it is expected to bring."""
+        process = config.process
+        strokes, suction = np.array(process.strokes), np.array(process.suction_s)
+        cut = 1.0 - (1.0 - process.stroke_cut * _CENTRED_SHARE) ** strokes
+        kept = 1.0 - process.suction_loss * np.exp(-suction / process.suction_decay_s)
+        self._grams = config.head_mass_g * cut * kept
+        self._process_s = strokes * process.stroke_m / process.shear_speed + suction
+        self._process_s = self._process_s + process.locate_s + config.machine.settle_s
+        self._price = abs(config.weights.seconds)
+        self._average = float(np.max(self._grams / (self._process_s + 0.5 * TRAVEL_SCALE_S)))
+        scenario = config.scenario
+        self._head_share = (self._process_s[NORMAL] + 0.5 * TRAVEL_SCALE_S) / scenario.time_limit_s
+        self._row_heads = scenario.plants * scenario.mean_heads * (1.0 if scenario.potted else _OPEN_SHARE)
+
+    def act(self, observation: Observation) -> Actions:
+        """Actions (B,)."""
+        surplus, travel_s, worth = self._weigh(observation)
+        slot = self._next(observation, travel_s, worth)
+        effort = surplus[np.arange(len(slot)), slot].argmax(axis=-1)
+        return _pick(slot, effort, worth.any(axis=1), worth.shape[1])
+
+    def _next(self, observation: Observation, travel_s: NDArray[Any], worth: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Slot (B,) of the next head among those that are worth their time."""
+        return np.where(worth, -travel_s, -np.inf).argmax(axis=1)
+
+    def _weigh(self, observation: Observation) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_]]:
+        """Expected surplus (B, K, efforts), travel times (B, K), and which heads are worth their time (B, K)."""
+        candidates, machine = candidate_table(observation), observation["machine"]
+        open_heads = wanted(observation)
+        used = machine[:, MACHINE_FEATURES.index("time")]
+        served = 1.0 - machine[:, MACHINE_FEATURES.index("stops_left")]
+        ahead = open_heads.sum(axis=1) + (1.0 - served) * self._row_heads
+        tight = used + self._head_share * ahead > 1.0
+        second = np.where(tight, self._average, self._price)[:, None, None]
+        # Filaments grow with the tuft's area; much of what the camera sees of it is its own error.
+        area = (candidates[..., _COLUMN["size"]] * (SIZE_SCALE_M / _MEAN_SIZE_M)) ** 2
+        area = 1.0 + _SIZE_TRUST * (area - 1.0)
+        travel_s = candidates[..., _COLUMN["travel"]] * TRAVEL_SCALE_S
+        surplus = area[..., None] * self._grams - second * (travel_s[..., None] + self._process_s)
+        worth = open_heads & ((surplus.max(axis=-1) > 0.0) | tight[:, None])
+        return surplus, travel_s, worth
+
+
+class Route(GramsPerSecond):
+    """The first head of the quickest open route through all heads that are worth their time, with the effort that pays.
+
+    Which heads, and how thoroughly, is decided as ``GramsPerSecond`` does.
+    """
+
+    name = "route"
+
+    def __init__(self, config: SafflowerConfig):
+        """Take efforts and the machine's rates from the configuration."""
+        super().__init__(config)
+        self._routes = _Routes(config)
+
+    def _next(self, observation: Observation, travel_s: NDArray[Any], worth: NDArray[np.bool_]) -> NDArray[np.int64]:
+        return self._routes.first(observation, worth, shortest_route)

@@ -1,0 +1,289 @@
+"""Scripted rules for the produce sorter."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...envs.compiled import bind, compiled, shortest
+from ...envs.sorting.config import GRADES, REFERENCE_CYCLE_S, SortingConfig
+from ...envs.sorting.features import (
+    CANDIDATE_FEATURES,
+    CYCLE_SCALE_S,
+    PLACE_SCALE_M,
+    TURN_SCALE_RAD,
+    WAIT_SCALE_S,
+    candidate_table,
+)
+from ...envs.sorting.reports import SWING_M
+from ...motion import QUINTIC
+from .base import Actions, Observation, StatelessPolicy
+from .search import NOTHING, Step, search
+
+Array = NDArray[np.float64]
+
+COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
+GRADE_COLUMNS = slice(COLUMN[GRADES[0]], COLUMN[GRADES[-1]] + 1)
+"""Where a candidate's numbers and grades stand among its features."""
+_GRIP_LEVEL_M = 0.010
+"""Typical height of the platform when it grips."""
+
+
+def time_left_s(table: Array) -> Array:
+    """Seconds (...) until candidates can no longer be gripped, from their features (F, ...)."""
+    return WAIT_SCALE_S * table[COLUMN["slack"]] + table[COLUMN["approach"]]
+
+
+class _Ranking(StatelessPolicy):
+    """The possible item with the smallest key; waits where there is none."""
+
+    def act(self, observation: Observation) -> Actions:
+        """Actions (B,)."""
+        possible = observation["action_mask"][:, :-1] > 0
+        key = np.where(possible, self._key(candidate_table(observation)), np.inf)
+        return np.where(possible.any(axis=1), key.argmin(axis=1), possible.shape[1])
+
+    def _key(self, table: NDArray[np.float32]) -> Array:
+        """Key (B, K) of candidates (B, K, F); what stands in empty slots does not matter."""
+        raise NotImplementedError
+
+
+class Fifo(_Ranking):
+    """The item that came first: the one farthest down the belt. What sorting cells without a planner do."""
+
+    name = "fifo"
+
+    def _key(self, table: NDArray[np.float32]) -> Array:
+        return -table[..., COLUMN["along"]].astype(np.float64)
+
+
+class EarliestDeadline(_Ranking):
+    """The item that leaves the reach first, at its own yaw and tilt and its place across the belt."""
+
+    name = "edf"
+
+    def _key(self, table: NDArray[np.float32]) -> Array:
+        return np.broadcast_to(np.arange(table.shape[1], dtype=np.float64), table.shape[:2])
+
+
+class Nearest(_Ranking):
+    """The item that the tool is over soonest."""
+
+    name = "nearest"
+
+    def _key(self, table: NDArray[np.float32]) -> Array:
+        return table[..., COLUMN["approach"]] + WAIT_SCALE_S * table[..., COLUMN["wait"]].astype(np.float64)
+
+
+class ShortestCycle(_Ranking):
+    """The item that is in its bin soonest."""
+
+    name = "shortest-cycle"
+
+    def _key(self, table: NDArray[np.float32]) -> Array:
+        return table[..., COLUMN["cycle"]].astype(np.float64)
+
+
+class ValuePerSecond(_Ranking):
+    """The highest expected value per second until it is in its bin."""
+
+    name = "value-per-second"
+
+    def _key(self, table: NDArray[np.float32]) -> Array:
+        worth = table[..., COLUMN["value"]].astype(np.float64) * table[..., COLUMN["quality"]]
+        return -worth / np.maximum(table[..., COLUMN["cycle"]], 1e-6)
+
+
+class Picks(NamedTuple):
+    """What can be gripped in B worlds with K slots; places in mechanism coordinates as they are now.
+
+    Attributes:
+        speed_m_s: of the belt.
+        pace: seconds a metre at the speed limit.
+        square_pace: seconds squared a metre at the acceleration limit.
+        hold_s: seconds from the approach's end to the lift's.
+        release_s: opening the fingers.
+        price: what a second costs.
+        bins: (4, 2), where each grade is let go.
+        present: (B, K).
+        possible: (B, K), whether it can be the next one.
+        goal: (B, K), grade.
+        gain: (B, K), what it is expected to bring.
+        done_s: (B, K), until it is in its bin as the next one.
+        along_m: (B, K), of the platform over it.
+        across_m: (B, K), of the platform over it.
+        first_m: (B, K), where an approach may end at the earliest.
+        last_m: (B, K), and at the latest.
+        turn_s: (B, K), seconds that turning from level takes.
+        order: (B, K), the order in which what comes after a sequence is gripped.
+    """
+
+    speed_m_s: float
+    pace: float
+    square_pace: float
+    hold_s: float
+    release_s: float
+    price: float
+    bins: Array
+    present: NDArray[np.bool_]
+    possible: NDArray[np.bool_]
+    goal: NDArray[np.int64]
+    gain: Array
+    done_s: Array
+    along_m: Array
+    across_m: Array
+    first_m: Array
+    last_m: Array
+    turn_s: Array
+    order: NDArray[np.int64]
+
+
+@compiled
+def extend(
+    problem: Picks, w: int, x: float, y: float, z: float, clock_s: float, candidate: int, option: int, first: bool
+) -> Step:
+    """Grip one more item; the platform is level over the item's bin after it, ``z`` and ``option`` mean nothing."""
+    if not (problem.possible[w, candidate] if first else problem.present[w, candidate]):
+        return Step(x, y, z, clock_s, 0.0, False)
+    place, gain = problem.bins[problem.goal[w, candidate]], problem.gain[w, candidate]
+    if first:
+        return Step(place[0], place[1], z, problem.done_s[w, candidate], gain, True)
+    v, least, first_m = problem.speed_m_s, problem.turn_s[w, candidate], problem.first_m[w, candidate]
+    now, across = problem.along_m[w, candidate] + v * clock_s, problem.across_m[w, candidate]
+    approach = least
+    for _ in range(2):
+        ahead = max(now + v * approach, first_m) - x - 0.5 * v * approach
+        approach = max(way_s(problem, ahead, across - y), least)
+    meet = max(now + v * approach, first_m)
+    lifted_s = clock_s + max((meet - now) / v, approach) + problem.hold_s
+    carry_s = max(way_s(problem, place[0] - meet - v * problem.hold_s, place[1] - across), least)
+    possible = meet <= problem.last_m[w, candidate]
+    return Step(place[0], place[1], z, lifted_s + carry_s + problem.release_s, gain, possible)
+
+
+@compiled
+def way_s(problem: Picks, along_m: float, across_m: float) -> float:
+    """Seconds of a horizontal motion."""
+    return shortest(math.sqrt(along_m * along_m + across_m * across_m), problem.pace, problem.square_pace)
+
+
+@compiled
+def queue(problem: Picks, w: int, x: float, y: float, clock_s: float, used: int) -> tuple[float, float]:
+    """What the others bring, gripped in ``order`` where they still can be, and when the last one is done."""
+    worth = 0.0
+    for candidate in problem.order[w]:
+        if not used >> candidate & 1:
+            step = extend(problem, w, x, y, 0.0, clock_s, candidate, 0, False)
+            if step.possible:
+                worth += step.gain
+                x, y, clock_s = step.x, step.y, step.clock_s
+    return worth, clock_s
+
+
+@compiled
+def prospect(problem: Picks, w: int, clock_s: float, used: int, last: int) -> float:
+    """What the others bring in the queue's order, less the price of all the time."""
+    place = problem.bins[problem.goal[w, last]]
+    worth, done_s = queue(problem, w, place[0], place[1], clock_s, used)
+    return worth - problem.price * done_s
+
+
+bind(Picks, extend, prospect)
+
+
+class PickPlanner(StatelessPolicy):
+    """Base of policies that plan a few picks ahead with a beam search, carry out the first and plan again.
+
+    Later picks start level over the bin of the one before.
+
+    Args:
+        config: the task's public numbers.
+        depth: picks ahead.
+        width: sequences kept at each depth.
+    """
+
+    def __init__(self, config: SortingConfig, depth: int, width: int):
+        """Take the machine's times from the configuration."""
+        if depth < 1 or width < 1:
+            raise ValueError(f"depth = {depth}, width = {width}: both must be at least 1")
+        self._depth, self._width = depth, width
+        sorter, machine = config.machine.sorter, config.machine
+        self._speed = config.belt.speed_m_s
+        self._paces = QUINTIC.paces(sorter.velocity_m_s - self._speed, sorter.acceleration_m_s2)
+        self._turn_limits = sorter.turn_rad_s, sorter.turn_rad_s2
+        self._shortest_s = machine.shortest_move_s
+        down = machine.travel_level_m - _GRIP_LEVEL_M
+        descend = float(QUINTIC.duration(down, sorter.velocity_m_s, sorter.acceleration_m_s2))
+        self._hold_s, self._release_s = 2.0 * descend + config.grip.grip_s, config.grip.release_s
+        self._bins = np.array(config.belt.bins_m, float)
+
+    def _picks(self, observation: Observation, gain: Array, price: float) -> Picks:
+        """What can be gripped, with what each item is expected to bring (B, K) and what a second costs."""
+        table = np.moveaxis(candidate_table(observation), -1, 0).astype(np.float64)
+        along, across = table[COLUMN["along"]] * PLACE_SCALE_M, table[COLUMN["across"]] * PLACE_SCALE_M
+        last = along + self._speed * time_left_s(table)
+        turn_s = QUINTIC.duration_unchecked(table[COLUMN["turn"]] * TURN_SCALE_RAD, *self._turn_limits)
+        return Picks(
+            speed_m_s=float(self._speed),
+            pace=float(self._paces[0]),
+            square_pace=float(self._paces[1]),
+            hold_s=self._hold_s,
+            release_s=float(self._release_s),
+            price=price,
+            bins=self._bins,
+            present=table[COLUMN["present"]] > 0.0,
+            possible=observation["action_mask"][:, :-1] > 0,
+            goal=np.argmax(table[GRADE_COLUMNS], axis=0),
+            gain=gain,
+            done_s=table[COLUMN["cycle"]] * CYCLE_SCALE_S,
+            along_m=along,
+            across_m=across,
+            first_m=-(last + SWING_M + self._speed * self._hold_s),
+            last_m=last,
+            turn_s=np.maximum(turn_s, self._shortest_s),
+            order=np.argsort(-along, axis=1, kind="stable"),
+        )
+
+    def _plan(self, problem: Any, picks: Picks) -> Actions:
+        """First pick (B,) of the best sequence; waits where nothing is possible."""
+        worlds, k = picks.present.shape
+        idle = np.full(worlds, -np.inf)
+        count = picks.present.sum(axis=1)
+        answer = search(problem, np.zeros((worlds, 3)), idle, 1, count, self._depth, self._width)
+        return np.where(answer == NOTHING, k, answer)
+
+
+class RecedingHorizon(PickPlanner):
+    """Counts what a sequence is expected to place and what the queue's order would still place after it.
+
+    Less a price for all the time.
+
+    Args:
+        config: the task's public numbers.
+        depth: picks ahead.
+        width: sequences kept at each depth.
+        by_value: count values instead of items.
+    """
+
+    name = "receding-horizon"
+
+    def __init__(self, config: SortingConfig, depth: int = 4, width: int = 8, *, by_value: bool = False):
+        """See ``PickPlanner``."""
+        super().__init__(config, depth, width)
+        self._by_value = by_value
+        mean_value = float(np.mean(config.produce.value)) if by_value else 1.0
+        # Half of what work without pause earns, less a tenth for bad fits [of 0 to 1, on seeds 0-99]: items that no
+        # camera has seen yet will want the time.
+        self._price = 0.45 * config.grip.best * mean_value / REFERENCE_CYCLE_S
+
+    def act(self, observation: Observation) -> Actions:
+        """Actions (B,)."""
+        table = candidate_table(observation).astype(np.float64)
+        gain = table[..., COLUMN["quality"]]
+        if self._by_value:
+            gain = gain * table[..., COLUMN["value"]]
+        picks = self._picks(observation, gain, self._price)
+        return self._plan(picks, picks)

@@ -1,0 +1,247 @@
+"""Scripted rules for the tray transplanter."""
+
+from __future__ import annotations
+
+from itertools import combinations, pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from ...envs.transplanting.config import SPEEDS, TransplantingConfig
+from ...envs.transplanting.features import CANDIDATE_FEATURES, MACHINE_FEATURES, MOVE_SCALE_S, candidate_table
+from ...envs.transplanting.motions import motions
+from ...envs.transplanting.process import damage_chances, loss_chances
+from .base import Actions, Observation, StatelessPolicy
+
+Array = NDArray[np.float64]
+
+NORMAL = SPEEDS.index("normal")
+_COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
+_GAPS = MACHINE_FEATURES.index("gaps")
+
+
+def wanted(observation: Observation) -> NDArray[np.bool_]:
+    """Pairs (B, K) that are possible and whose source cell is reported to hold a healthy seedling."""
+    return (observation["action_mask"][:, : -2 : len(SPEEDS)] > 0) & (
+        candidate_table(observation)[..., _COLUMN["source_poor"]] == 0.0
+    )
+
+
+class _Rule(StatelessPolicy):
+    """A pair of the presented rows while there is one worth planting, else the conveyor that brings the next one."""
+
+    def __init__(self, config: TransplantingConfig, *, choose_speed: bool = True):
+        """Take the machine's times and the plugs' chances from the configuration."""
+        scenario, process, weights = config.scenario, config.process, config.weights
+        self._table = motions(config.machine, scenario.source, scenario.target)
+        self._n, self._m = scenario.source.columns, scenario.target.columns
+        self._choose_speed = choose_speed
+        self._handle_s = process.grip_s + process.release_s
+        arrives = (1.0 - loss_chances(config.machine, process)) * (1.0 - damage_chances(config.machine, process))
+        good = process.extraction * arrives
+        self._value = weights.planted * good + weights.spoiled * (1.0 - good)
+
+    def act(self, observation: Observation) -> Actions:
+        """Actions (B,)."""
+        pairs = wanted(observation)
+        there = pairs.any(axis=1)
+        chosen = np.where(there, self._choose(observation, pairs), 0)
+        mask = observation["action_mask"]
+        more = (observation["machine"][:, _GAPS] > 0.0) & (mask[:, -2] > 0)
+        index = mask.shape[1] - np.where(more, 2, 1)
+        return np.where(there, chosen * len(SPEEDS) + self._speed(observation, chosen), index)
+
+    def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Pair (B,) out of ``pairs`` (B, K); worlds without one may get anything."""
+        raise NotImplementedError
+
+    def _approach_s(self, observation: Observation) -> Array:
+        """Seconds (B, K) until the tool has gripped each pair's plug."""
+        table = candidate_table(observation)
+        clearing = self._handle_s * table[..., _COLUMN["clear"]]
+        return table[..., _COLUMN["approach"]].astype(np.float64) * MOVE_SCALE_S + clearing
+
+    def _speed(self, observation: Observation, pair: NDArray[np.int64]) -> NDArray[np.int64] | int:
+        """Speed (B,) with the highest expected value per second of the cycle."""
+        if not self._choose_speed:
+            return NORMAL
+        approach = np.take_along_axis(self._approach_s(observation), pair[:, None], axis=1)
+        seconds = approach + self._handle_s + self._table.carry_s[:, pair].T
+        return (self._value / seconds).argmax(axis=1)
+
+
+class FixedOrder(_Rule):
+    """The common sequence: the first seedling of the row into the first gap, normal speed."""
+
+    name = "fixed-order"
+
+    def __init__(self, config: TransplantingConfig):
+        """See ``_Rule``."""
+        super().__init__(config, choose_speed=False)
+
+    def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
+        return pairs.argmax(axis=1)
+
+
+class FixedOrderChosenSpeed(FixedOrder):
+    """The common sequence at the speed with the highest expected value per second."""
+
+    name = "fixed-order-speed"
+
+    def __init__(self, config: TransplantingConfig):
+        """See ``_Rule``."""
+        _Rule.__init__(self, config)
+
+
+class Nearest(_Rule):
+    """The seedling that the tool reaches soonest, into the gap that is nearest to it."""
+
+    name = "nearest"
+
+    def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
+        carry = self._table.carry_s[NORMAL]
+        key = 1e3 * np.round(self._approach_s(observation), 6) + carry
+        return np.where(pairs, key, np.inf).argmin(axis=1)
+
+
+class ShortestCycle(_Rule):
+    """The pair with the shortest cycle: approach, clearing where it is due, and carrying."""
+
+    name = "shortest-cycle"
+
+    def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
+        seconds = self._approach_s(observation) + self._table.carry_s[NORMAL]
+        return np.where(pairs, seconds, np.inf).argmin(axis=1)
+
+
+class _Problem(NamedTuple):
+    """One world's presented rows.
+
+    Attributes:
+        sources: columns of the usable seedlings, ascending.
+        gaps: columns of the target cells to fill, ascending.
+        first_s: (sources, gaps), seconds of a pair when it comes first: approach, clearing and carrying.
+        next_s: (gaps, sources, gaps), seconds of a pair that follows one that ended in that gap.
+    """
+
+    sources: NDArray[np.int64]
+    gaps: NDArray[np.int64]
+    first_s: Array
+    next_s: Array
+
+
+class _Sequence(_Rule):
+    """A rule that plans a sequence of pairs over the presented rows and carries out its first one."""
+
+    def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
+        approach = self._approach_s(observation)
+        clear = candidate_table(observation)[..., _COLUMN["clear"]] > 0.0
+        chosen = np.zeros(len(pairs), np.int64)
+        for row in np.flatnonzero(pairs.any(axis=1)):
+            problem = self._problem(approach[row], clear[row], pairs[row])
+            source, gap = self._sequence(problem)[0]
+            chosen[row] = problem.sources[source] * self._m + problem.gaps[gap]
+        return chosen
+
+    def _sequence(self, problem: _Problem) -> list[tuple[int, int]]:
+        """Pairs (index of the source, index of the gap) in order."""
+        raise NotImplementedError
+
+    def _problem(self, approach: Array, clear: NDArray[np.bool_], pairs: NDArray[np.bool_]) -> _Problem:
+        n, m, table = self._n, self._m, self._table
+        grid = pairs.reshape(n, m)
+        sources, gaps = np.flatnonzero(grid.any(axis=1)), np.flatnonzero(grid.any(axis=0))
+        both = np.ix_(sources, gaps)
+        carry = table.carry_s[NORMAL].reshape(n, m)[both]
+        cleared = clear.reshape(n, m)[both][0].astype(np.int64)
+        after = table.approach_s.reshape(2, -1, n, m)[:, n + gaps][:, :, sources][..., gaps]
+        between = np.where(cleared > 0, after[1] + self._handle_s, after[0])
+        return _Problem(sources, gaps, approach.reshape(n, m)[both] + carry, between + carry)
+
+
+class Assignment(_Sequence):
+    """Matches seedlings and gaps for the least time as a whole, then takes the matched pairs in the best order."""
+
+    name = "assignment"
+
+    def _sequence(self, problem: _Problem) -> list[tuple[int, int]]:
+        # What a pair takes after an average predecessor; which one it will be is decided by the order.
+        sources, gaps = linear_sum_assignment(problem.next_s.mean(axis=0))
+        return best_order(problem.first_s, problem.next_s, list(zip(sources.tolist(), gaps.tolist(), strict=True)))
+
+
+class TwoOpt(_Sequence):
+    """The fixed order, mended until no reversal, no exchange of gaps and no other seedling makes the rows quicker."""
+
+    name = "2-opt"
+
+    def _sequence(self, problem: _Problem) -> list[tuple[int, int]]:
+        count = min(len(problem.sources), len(problem.gaps))
+        return mended(problem.first_s, problem.next_s, [(i, i) for i in range(count)])
+
+
+def sequence_s(first_s: Array, next_s: Array, sequence: list[tuple[int, int]]) -> float:
+    """Seconds of a sequence of pairs; see ``_Problem`` for the tables."""
+    total = first_s[sequence[0]]
+    for (_, gap), (source, after) in pairwise(sequence):
+        total += next_s[gap, source, after]
+    return float(total)
+
+
+def best_order(first_s: Array, next_s: Array, pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The quickest order of a few pairs, by dynamic programming over the sets of pairs that are done (Held and Karp).
+
+    Args:
+        first_s: see ``_Problem``.
+        next_s: see ``_Problem``.
+        pairs: at most 12 or so; the work doubles with each.
+    """
+    k = len(pairs)
+    sources, gaps = (np.array(column) for column in zip(*pairs, strict=True))
+    follow = next_s[gaps[:, None], sources, gaps]
+    cost = np.full((1 << k, k), np.inf)
+    before = np.zeros((1 << k, k), np.int64)
+    for last in range(k):
+        cost[1 << last, last] = first_s[pairs[last]]
+    for done in range(1, 1 << k):
+        for last in range(k):
+            if done >> last & 1 and done != 1 << last:
+                ways = cost[done ^ (1 << last)] + follow[:, last]
+                before[done, last] = best = int(ways.argmin())
+                cost[done, last] = ways[best]
+    done, order = (1 << k) - 1, [int(cost[-1].argmin())]
+    while done != 1 << order[-1]:
+        last = order[-1]
+        order.append(int(before[done, last]))
+        done ^= 1 << last
+    return [pairs[index] for index in reversed(order)]
+
+
+def mended(first_s: Array, next_s: Array, sequence: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """A sequence that no 2-opt reversal, exchange of two pairs' gaps or change of a seedling or a gap shortens."""
+    best, best_s = list(sequence), sequence_s(first_s, next_s, sequence)
+    improved = True
+    while improved:
+        improved = False
+        for trial in _neighbours(best, first_s.shape):
+            trial_s = sequence_s(first_s, next_s, trial)
+            if trial_s < best_s - 1e-9:
+                best, best_s, improved = trial, trial_s, True
+                break
+    return best
+
+
+def _neighbours(sequence: list[tuple[int, int]], size: tuple[int, ...]):
+    for i, j in combinations(range(len(sequence)), 2):
+        yield [*sequence[:i], *sequence[i : j + 1][::-1], *sequence[j + 1 :]]
+        swapped = list(sequence)
+        swapped[i], swapped[j] = (sequence[i][0], sequence[j][1]), (sequence[j][0], sequence[i][1])
+        yield swapped
+    for side in (0, 1):
+        used = {pair[side] for pair in sequence}
+        for other in sorted(set(range(size[side])) - used):
+            for i, pair in enumerate(sequence):
+                changed = (other, pair[1]) if side == 0 else (pair[0], other)
+                yield [*sequence[:i], changed, *sequence[i + 1 :]]

@@ -1,0 +1,91 @@
+"""What policies expect of a weeding tool, from its public numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import singledispatch
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...envs.weeding.config import SPECIES, STAGES, WeedingConfig
+from ...envs.weeding.tools.hoe.config import HoeWeedingConfig
+from ...envs.weeding.tools.hoe.process import HoeArm, HoeProcess, crop_loss, label_mode, uproot_table
+from ...envs.weeding.tools.laser.aim import LaserArm
+from ...envs.weeding.tools.laser.process import LaserProcess, chance_table, label_dose
+
+Array = NDArray[np.float64]
+
+
+class Outlook(NamedTuple):
+    """A tool as policies see it; M modes.
+
+    Attributes:
+        arm: numbers of its arm, for ``envs.weeding.tool``.
+        lean_share: share of a plant's way from the machine's middle that the arm would lean, on average.
+        work_s: (M,), seconds on a plant.
+        energy_j: (M,).
+        chance: (species, stage, M), expected probability of a kill.
+        label: (species, stage), mode that a kind of weed calls for.
+        harm: probability (..., M) that a crop plant at distances (...) from a weed dies with it.
+    """
+
+    arm: Any
+    lean_share: float
+    work_s: Array
+    energy_j: Array
+    chance: Array
+    label: NDArray[np.int64]
+    harm: Callable[[Array], Array]
+
+
+@singledispatch
+def outlook(config: Any) -> Outlook:
+    """The outlook of the tool that a configuration describes; each tool registers its own.
+
+    Raises:
+        TypeError: no tool is known by such a configuration.
+    """
+    raise TypeError(f"config = {type(config).__name__}: no outlook is registered for it")
+
+
+@outlook.register
+def _laser(config: WeedingConfig) -> Outlook:
+    numbers, process = config.process, LaserProcess(config.process)
+
+    def harm(gap_m: Array) -> Array:
+        width = numbers.spot_radius_m**2 + numbers.crop_heart_m**2
+        arrives = process.energy_j * np.exp(-2.0 * gap_m * gap_m / width)[..., None]
+        return 1.0 / (1.0 + (numbers.crop_ed50_j / np.maximum(arrives, 1e-9)) ** numbers.crop_slope)
+
+    return Outlook(
+        arm=LaserArm.of(config.reach, config.cart.early_s),
+        lean_share=config.reach.lean_m / config.reach.front_m,
+        work_s=process.work_s.sum(axis=1),
+        energy_j=process.energy_j,
+        chance=chance_table(numbers),
+        label=np.array([[label_dose(numbers, i, j) for j in range(len(STAGES))] for i in range(len(SPECIES))]),
+        harm=harm,
+    )
+
+
+@outlook.register
+def _hoe(config: HoeWeedingConfig) -> Outlook:
+    numbers, process = config.process, HoeProcess(config.process)
+    # The loss falls to zero within the hoe's reach: half a millimetre between the gaps of the table is fine enough.
+    gaps = np.arange(0.0, process.work.reach_m + 1e-3, 5e-4)
+    losses = crop_loss(numbers, gaps)
+
+    def harm(gap_m: Array) -> Array:
+        return np.stack([np.interp(gap_m, gaps, losses[:, mode]) for mode in range(losses.shape[1])], axis=-1)
+
+    return Outlook(
+        arm=HoeArm.of(config.reach, config.cart.early_s),
+        lean_share=0.0,
+        work_s=process.work_s.sum(axis=1),
+        energy_j=process.energy_j,
+        chance=uproot_table(numbers),
+        label=np.array([[label_mode(numbers, i, j) for j in range(len(STAGES))] for i in range(len(SPECIES))]),
+        harm=harm,
+    )

@@ -1,0 +1,234 @@
+"""The best sequence of picks from a belt, by dynamic programming over sets; compiled.
+
+A schedule is told by where the machine stands, when, what it has picked of the things that still lie in reach, and what
+that was worth. One such label dominates another that is no earlier, no more valuable, and has picked no less of what
+lies in reach (Feillet et al. 2004, elementary shortest paths with resources; Held and Karp 1962): only labels that
+nothing dominates go on. Things pass quickly, so the sets stay small and the optimum is proven.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..envs.compiled import compiled, shortest
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+Indices = NDArray[np.int32]
+
+MEMORY = 62
+"""Things that may lie in reach at once and still be told apart."""
+_RECENT = 256
+"""Labels before a new one that are asked whether they dominate it."""
+
+
+class Stream(NamedTuple):
+    """Things on a belt, n of them in the order of their deadlines; x along the belt, metres.
+
+    Attributes:
+        passing_s: (n,), when the machine over it would pass x = 0.
+        across_m: (n,), its y.
+        first_m: (n,), first x where an approach may end.
+        last_m: (n,), last one.
+        hold_s: (n,), from the approach's end until it is lifted.
+        least_s: (n,), no approach and no way to its bin is shorter.
+        known_s: (n,), no decision to pick it before this; as late as that does not matter (see ``decided_late``).
+        bin: (n,), where it goes; negative: wherever one likes.
+        gain: (n,), what that is worth, > 0.
+        slack_m: taken off every distance between machine and thing.
+    """
+
+    passing_s: Array
+    across_m: Array
+    first_m: Array
+    last_m: Array
+    hold_s: Array
+    least_s: Array
+    known_s: Array
+    bin: NDArray[np.int64]
+    gain: Array
+    slack_m: float
+
+
+class Belt(NamedTuple):
+    """The machine over the belt.
+
+    Attributes:
+        speed_m_s: of the belt.
+        paces: (2,), seconds a metre and seconds squared a metre of a motion at its limits.
+        places: (bins + 1, 2), x and y of the bins, then where the machine stands in the beginning.
+        release_s: letting go.
+        limit_s: no decision begins at or after this.
+    """
+
+    speed_m_s: float
+    paces: Array
+    places: Array
+    release_s: float
+    limit_s: float
+
+
+@compiled
+def move_s(belt: Belt, along_m: float, across_m: float, slack_m: float, least_s: float) -> float:
+    """Seconds of a horizontal motion."""
+    way = max(math.sqrt(along_m * along_m + across_m * across_m) - slack_m, 0.0)
+    return max(shortest(way, belt.paces[0], belt.paces[1]), least_s)
+
+
+@compiled
+def finish_s(belt: Belt, stream: Stream, j: int, to: int, place: int, time_s: float) -> float:
+    """When thing ``j`` lies in bin ``to`` if it is decided for at ``time_s``; infinite where that is too late."""
+    v, slack = belt.speed_m_s, stream.slack_m
+    x, y = belt.places[place, 0], belt.places[place, 1]
+    start_s = max(time_s, stream.known_s[j])
+    x_now = (start_s - stream.passing_s[j]) * v
+    across, least = stream.across_m[j] - y, stream.least_s[j]
+    # As the rules do it: two rounds of a fixed point, begun at the same guess.
+    approach = least + 0.15
+    for _ in range(2):
+        follow = v * approach
+        ahead = max(x_now - x + follow, stream.first_m[j] - x)
+        approach = move_s(belt, ahead - 0.5 * follow, across, slack, least)
+    meet = max(x_now + v * approach, stream.first_m[j])
+    if meet > stream.last_m[j] or start_s >= belt.limit_s:
+        return np.inf
+    wait = max((meet - x_now) / v - approach, 0.0)
+    bin_x, bin_y = belt.places[to, 0], belt.places[to, 1]
+    way, aside = bin_x - meet - v * stream.hold_s[j], bin_y - stream.across_m[j]
+    carry = max(shortest(math.sqrt(bin_x * bin_x + aside * aside), belt.paces[0], belt.paces[1]), least)
+    for _ in range(2):
+        carry = move_s(belt, way - 0.5 * v * carry, aside, slack, least)
+    return start_s + wait + approach + stream.hold_s[j] + carry + belt.release_s
+
+
+def decided_late(belt: Belt, stream: Stream) -> Stream:
+    """The same stream with decisions put off while the machine would only wait for the thing anyway."""
+    widest = np.abs(belt.places).max(axis=0).sum() + np.abs(stream.across_m) + np.abs(stream.first_m) + stream.slack_m
+    slowest_s = np.maximum(belt.paces[0] * widest, np.sqrt(belt.paces[1] * widest))
+    enters_s = stream.passing_s + stream.first_m / belt.speed_m_s
+    return stream._replace(known_s=np.maximum(stream.known_s, enters_s - np.maximum(slowest_s, stream.least_s)))
+
+
+@compiled
+def best_picks(belt: Belt, stream: Stream, most: int) -> tuple[float, Array, NDArray[np.int64], bool]:
+    """Look at schedules until nothing is left to look at.
+
+    Args:
+        belt: the machine.
+        stream: the things.
+        most: labels to look at before giving up, or an eighth of those to keep in mind.
+
+    Returns:
+        The largest sum of gains; the earliest time (n + 1,) at which 0 ... n things can lie in their bins, where all
+        gains are equal; the things of the best schedule in order, (picks,); whether all of that is proven.
+    """
+    n = len(stream.gain)
+    earliest = np.full(n + 1, np.inf)
+    earliest[0] = 0.0
+    deadline = np.empty(n)
+    for j in range(n):
+        deadline[j] = stream.passing_s[j] + stream.last_m[j] / belt.speed_m_s
+    between = np.zeros((len(belt.places), len(belt.places)))
+    for a in range(len(belt.places)):
+        for b in range(len(belt.places)):
+            along, across = belt.places[a, 0] - belt.places[b, 0], belt.places[a, 1] - belt.places[b, 1]
+            between[a, b] = move_s(belt, along, across, 0.0, 0.0)
+    # Settled labels: when, where, from which thing on, which of those picked, worth, picks.
+    time = np.empty(most)
+    place = np.empty(most, np.int64)
+    base = np.empty(most, np.int64)
+    picked = np.empty(most, np.uint64)
+    worth = np.empty(most)
+    before, thing = np.empty(most, np.int64), np.empty(most, np.int64)
+    one, bins = np.uint64(1), len(belt.places) - 1
+    queue = [(0.0, 0.0, bins, 0, np.uint64(0), 0, -1, -1)]
+    settled, best, best_label, proven = 0, 0.0, -1, True
+    while len(queue) > 0:
+        now, loss, here, low, done, picks, parent, last = heapq.heappop(queue)
+        while low < n and deadline[low] < now:
+            low += 1
+            done >>= one
+        value = -loss
+        dominated = False
+        for k in range(settled - 1, max(settled - _RECENT, 0) - 1, -1):
+            if worth[k] < value - 1e-9 or time[k] + between[place[k], here] > now + 1e-12:
+                continue
+            shift = low - base[k]
+            other = picked[k] >> np.uint64(shift) if shift < 64 else np.uint64(0)
+            if other & ~done == 0:
+                dominated = True
+                break
+        if dominated:
+            continue
+        if settled == most or len(queue) > 8 * most:
+            proven = False
+            break
+        time[settled], place[settled], base[settled] = now, here, low
+        picked[settled], worth[settled], before[settled], thing[settled] = done, value, parent, last
+        if value > best:
+            best, best_label = value, settled
+        earliest[picks] = min(earliest[picks], now)
+        for j in range(low, min(n, low + MEMORY)):
+            bit = one << np.uint64(j - low)
+            if done & bit:
+                continue
+            for to in range(bins):
+                if stream.bin[j] >= 0 and to != stream.bin[j]:
+                    continue
+                then = finish_s(belt, stream, j, to, here, now)
+                if then < np.inf:
+                    heapq.heappush(queue, (then, -(value + stream.gain[j]), to, low, done | bit, picks + 1, settled, j))
+        for j in range(low + MEMORY, n):
+            # What cannot be told apart was not tried: that is fine only while it need not be decided yet.
+            proven = proven and stream.known_s[j] > now
+        settled += 1
+    order = np.empty(n, np.int64)
+    length = 0
+    while best_label >= 0 and thing[best_label] >= 0:
+        order[length] = thing[best_label]
+        length += 1
+        best_label = before[best_label]
+    return best, earliest, order[:length][::-1].copy(), proven
+
+
+@compiled
+def expand(belt: Belt, stream: Stream, tick_s: float) -> tuple[Numbers, Indices, Indices, Numbers, Array, int]:
+    """The same as a time-expanded graph, times rounded down; see ``timeline.Timeline``. Options are the things."""
+    n, places = len(stream.gain), len(belt.places)
+    last = 0.0
+    for j in range(n):
+        last = max(last, stream.passing_s[j] + stream.last_m[j] / belt.speed_m_s)
+    ticks = int(last / tick_s) + 2
+    nodes, bins = ticks * places, places - 1
+    first, wait, end_s = np.zeros(nodes + 1, np.int64), np.empty(nodes, np.int64), np.empty(nodes)
+    room = 0
+    for j in range(n):
+        deadline = stream.passing_s[j] + stream.last_m[j] / belt.speed_m_s
+        room += bins * places * (int((deadline - max(stream.known_s[j], 0.0)) / tick_s) + 3)
+    to, option = np.empty(room, np.int32), np.empty(room, np.int32)
+    edges = 0
+    for node in range(nodes):
+        # From the last tick to the first, so every edge leads to a smaller number.
+        tick, place = ticks - 1 - node // places, node % places
+        first[node], end_s[node] = edges, tick * tick_s
+        wait[node] = node - places if tick < ticks - 1 else node
+        for j in range(n):
+            # Who decides too early only waits.
+            if stream.known_s[j] >= (tick + 1) * tick_s:
+                continue
+            for there in range(bins):
+                if stream.bin[j] >= 0 and there != stream.bin[j]:
+                    continue
+                then = finish_s(belt, stream, j, there, place, tick * tick_s)
+                if then < np.inf:
+                    arrives = min(max(int(then / tick_s), tick + 1), ticks - 1)
+                    if arrives > tick:
+                        to[edges], option[edges] = (ticks - 1 - arrives) * places + there, j
+                        edges += 1
+    first[nodes] = edges
+    return first, to[:edges].copy(), option[:edges].copy(), wait, end_s, (ticks - 1) * places + bins

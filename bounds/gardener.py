@@ -1,0 +1,64 @@
+"""A schedule that knows everything, carried out by the weeding rules themselves: how near a bound can be reached."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+
+from ..envs.weeding.core import WeederOutcome
+from ..envs.weeding.rules import CROP_KIND, MODES, PAD
+from ..envs.weeding.tool import approach, dose
+
+
+def tended(core: Any, urgency: float) -> tuple[float, float]:
+    """Weeds killed and return of one episode: of the shots that kill, always the one that is done soonest.
+
+    Args:
+        core: the rules of one world right after a reset; they stay as they are.
+        urgency: seconds of work that a second less until a weed leaves is worth.
+    """
+    core = copy.deepcopy(core)
+    state, tables, work, arm = core.state, core.tables, core.process.work, core.machine
+    k, base = core.config.slots, core.base_actions
+    total, over = 0.0, False
+    kills: dict[int, tuple[int, int]] = {}
+    while not over:
+        mask = core.observe()["action_mask"][0, : base - 1].reshape(k, MODES)
+        cart, speed = float(state.cart[0]), float(state.speed[0])
+        best, action = np.inf, base - 1
+        for slot in np.flatnonzero(mask.any(axis=1)).tolist():
+            track = int(state.slot_track[0, slot])
+            if track not in kills:
+                kills[track] = _kill(state, work, track)
+            mode, weed = kills[track]
+            if mode < 0 or not mask[slot, mode] or state.plant_dose[0, weed] >= state.plant_tolerance[0, weed]:
+                continue
+            told = state.track_report[0, track]
+            stand = float(tables.stand_s[mode])
+            way = approach(arm, stand, tuple(state.place[0].tolist()), cart, speed, float(told[0]), float(told[1]))
+            key = way.move_s + way.wait_s + stand + urgency * (float(told[0]) - cart) / speed
+            if key < best:
+                best, action = key, slot * MODES + mode
+        plan = core.plan(np.array([action]))
+        result = core.apply(plan, WeederOutcome(plan.phases_s, plan.aim))
+        total += float(result.rewards.sum())
+        over = bool(result.terminated[0] or result.truncated[0])
+    killed = dict(zip(core.score_names, core.scores()[0].tolist(), strict=True))["done"]
+    return float(killed), total
+
+
+def _kill(state: Any, work: Any, track: int) -> tuple[int, int]:
+    """Lowest mode in which a track's shot kills a weed that stands near, and the weed; -1 where there is none."""
+    aim = state.track_aim[0, track]
+    middle = PAD + int(state.track_near[0, track, 0])
+    for mode in range(MODES):
+        for weed in range(max(middle - 3, 0), middle + 4):
+            along, across = (float(part) for part in state.plant[0, weed] - aim)
+            reached = abs(along) <= work.reach_m and state.plant_kind[0, weed] != CROP_KIND
+            if reached and dose(work, mode, along, across, int(state.plant_kind[0, weed])) >= float(
+                state.plant_tolerance[0, weed]
+            ):
+                return mode, weed
+    return -1, 0

@@ -1,0 +1,189 @@
+"""Bounds for the safflower picker.
+
+Full knowledge: where every head is, its mass and both its lucks, what the camera reports, every move's time. What a
+pick brings is exact, since a head can be picked once; time is Lagrangian-relaxed (see ``stops``), the limit on shown
+candidates is left out. Visits that bring nothing are left out: by the triangle inequality they never save time.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..envs.safflower.config import EFFORTS, SafflowerConfig
+from ..envs.safflower.core import SafflowerCore
+from ..envs.safflower.field import stop_centres
+from ..envs.safflower.process import Shears, collected_share, cut_share, dropped_share
+from ..motion import QUINTIC
+from .base import METHODS, Bound
+from .stops import EXACT_TARGETS, Array, Stop, largest, shortest_cycle
+
+_STILL_M = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class PickerInstance:
+    """One field with its luck.
+
+    Attributes:
+        stops: what each stop offers; ``gain`` in grams, ``other`` what a pick loses, in reward.
+        config: the task's numbers.
+        total_g: filaments of all open heads.
+        already_s: time that has passed before the first decision.
+        relaxed: what was left out, in words.
+        exact: whether nothing was: every candidate of every stop fits into the slots.
+    """
+
+    stops: list[Stop]
+    config: SafflowerConfig
+    total_g: float
+    already_s: float
+    relaxed: str
+    exact: bool
+
+    @property
+    def budget_s(self) -> float:
+        """The last decision begins before this, counted from the first one."""
+        return self.config.scenario.time_limit_s - self.already_s
+
+    def worths(self) -> list[Array]:
+        """Reward of every option, its time not counted, (n, E) a stop."""
+        return [self.config.weights.collected_g * stop.gain + stop.other for stop in self.stops]
+
+    def bound(self, method: str = "relaxation", time_limit_s: float = 60.0) -> Bound:
+        """What no policy can beat; see ``Instance``.
+
+        Raises:
+            ValueError: unknown method, or a reward that pays for time spent.
+        """
+        if method not in METHODS:
+            raise ValueError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+        second = -self.config.weights.seconds
+        if second < 0.0:
+            raise ValueError(f"weights.seconds = {-second}: the bound needs a reward that does not pay for time")
+        began = time.perf_counter()
+        gains, worths = [stop.gain for stop in self.stops], self.worths()
+        grams, proven_g = largest(self.stops, gains, self.budget_s, reach_end=False)
+        value, proven_v = largest(self.stops, worths, self.budget_s, second)
+        words = f"Lagrangian relaxation of time, routes exact up to {EXACT_TARGETS} heads a stop; {self.relaxed}"
+        proven, gap = proven_g and proven_v, 0.0 if proven_g and proven_v else math.nan
+        if method == "cp-sat" and not proven:
+            from .cp_sat import solve
+
+            solver_g, done_g, gap_g = solve(self.stops, gains, self.budget_s, 0.0, 0.5 * time_limit_s)
+            solver_v, done_v, gap_v = solve(self.stops, worths, self.budget_s, second, 0.5 * time_limit_s)
+            grams, value = min(grams, solver_g), min(value, solver_v)
+            proven, gap, words = done_g and done_v, max(gap_g, gap_v), f"CP-SAT; {self.relaxed}"
+        proven = proven and self.exact
+        net_rate = min(grams / max(self.total_g, 1e-12), 1.0)
+        cycle_s = self.cycle_time_at(net_rate)
+        return Bound(net_rate, value, cycle_s, words, proven, gap, time.perf_counter() - began)
+
+    def cycle_time_at(self, net_rate: float) -> float:
+        """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had."""
+        return shortest_cycle(self.stops, net_rate * self.total_g, self.already_s)
+
+
+def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> PickerInstance:
+    """What stands in a world of the rules right after its reset.
+
+    Args:
+        core: the rules.
+        reports: ``"drawn"``: the camera's reports are those that lie in ``core``; ``"any"``: whatever a camera may
+            report, the tool may find every head without error and move to it as far as the shear hole allows.
+        row: the world.
+
+    Raises:
+        ValueError: the episode is under way, or ``reports`` is unknown.
+    """
+    if reports not in ("drawn", "any"):
+        raise ValueError(f"reports = {reports!r}: choose 'drawn' or 'any'")
+    if core.state.head_visited[row].any() or core.state.stop[row] != 0:
+        raise ValueError("the episode is under way: an instance is read right after a reset")
+    config = core.config
+    stops = [_drawn(core, row, s) if reports == "drawn" else _any(core, row, s) for s in range(config.scenario.stops)]
+    mass = core.state.head_mass_g[row]
+    relaxed = "all candidates of a stop shown" if reports == "drawn" else "any reports, so no error and second visits"
+    most = int(np.diff(core.state.first[row]).max())
+    exact = reports == "drawn" and most <= config.slots
+    if exact:
+        relaxed = "every candidate fits into the slots"
+    return PickerInstance(stops, config, float(mass.sum()), config.process.recognise_s, relaxed, exact)
+
+
+def _drawn(core: SafflowerCore, row: int, stop: int) -> Stop:
+    """A stop with the reports that lie in the rules."""
+    tracks = np.arange(core.state.first[row, stop], core.state.first[row, stop + 1])
+    head = core.state.track_head[row, tracks]
+    target = core.state.track_target[row, tracks]
+    error = core.state.head_position[row, head] - target
+    gain = _gains(core.config, error, core.state.head_mass_g[row, head], core.state.head_odds[row, head])
+    use = core.state.track_legal[row, tracks] & (gain.max(axis=1) > 0.0)
+    return _stop(core, stop, target[use], gain[use], core.state.head_mass_g[row, head][use], slack_m=0.0)
+
+
+def _any(core: SafflowerCore, row: int, stop: int) -> Stop:
+    """A stop with every head that a report near its window could stand for, found without error."""
+    config, centre = core.config, stop_centres(core.config.scenario)
+    slack = config.process.capture_radius_m
+    along = core.state.head_position[row, :, 0] + core.frame[0]
+    half = 0.5 * config.scenario.window_m
+    low, high = centre[stop] - half - slack, centre[stop] + half + slack
+    # The first and the last window take in what lies outside the row; a head near an edge counts at both stops.
+    near = ((along >= low) | (stop == 0)) & ((along <= high) | (stop == len(centre) - 1))
+    heads = np.flatnonzero(near & (core.state.head_mass_g[row] > 0.0))
+    mass = core.state.head_mass_g[row, heads]
+    gain = _gains(config, np.zeros((len(heads), 3)), mass, core.state.head_odds[row, heads])
+    return _stop(core, stop, core.state.head_position[row, heads], gain, mass, slack_m=slack)
+
+
+def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array) -> Array:
+    """Grams (n, E) that each effort brings."""
+    process, shears = config.process, Shears.of(config.process)
+    gains = np.empty((len(mass), len(EFFORTS)))
+    for effort, (strokes, suction_s) in enumerate(zip(process.strokes, process.suction_s, strict=True)):
+        dropped = dropped_share(process, suction_s)
+        for head, (off, grams, (to_cut, to_collect)) in enumerate(zip(error, mass, odds, strict=True)):
+            along, across, up = off
+            cut = grams * cut_share(shears, float(strokes), along, across, up, to_cut)
+            gains[head, effort] = cut * collected_share(dropped, to_collect)
+    return gains
+
+
+def _stop(core: SafflowerCore, stop: int, target: Array, gain: Array, mass: Array, slack_m: float) -> Stop:
+    config, picker, process = core.config, core.config.machine.picker, core.config.process
+    centres = stop_centres(config.scenario) - picker.camera_ahead_m
+    park = np.array([0.5 * picker.five_bar.base_m, config.machine.clear_level_m])
+    here = np.array([centres[stop], *park])
+    there = np.array([centres[min(stop + 1, len(centres) - 1)], *park])
+
+    def leg(stroke: Array, slack: float, along: bool) -> Array:
+        free = np.maximum(np.abs(stroke) - slack, 0.0)
+        if along:
+            return QUINTIC.duration(free, picker.cart_velocity_m_s, picker.cart_acceleration_m_s2)
+        return QUINTIC.duration(free, picker.tool_velocity_m_s, picker.tool_acceleration_m_s2)
+
+    def beside(begin: Array, end: Array, slack: float) -> Array:
+        along, across = end[..., 0] - begin[..., 0], end[..., 1] - begin[..., 1]
+        settle = config.machine.settle_s * (np.abs(along) - slack > _STILL_M)
+        return np.asarray(np.maximum(leg(along, slack, True), leg(across, slack, False)) + settle, np.float64)
+
+    begins = np.vstack([here, target])
+    # A tool that is held too high cuts less, not nothing: with any reports a descent may be left out.
+    depth_s = leg(park[1] - begins[:, 2], 0.0, False) if slack_m == 0.0 else np.zeros(len(begins))
+    approach = beside(begins[:, None], target[None], 2.0 * slack_m) + depth_s[:, None] + depth_s[None, 1:]
+    approach[0] = beside(here, target, slack_m) + depth_s[1:]
+    # The machine leaves the last stop by lifting its tool.
+    last = stop == len(centres) - 1
+    leave = depth_s if last else beside(begins, there, slack_m) + depth_s + process.recognise_s
+    strokes_s = np.array(process.strokes) * process.stroke_m / process.shear_speed
+    process_s = np.tile(process.locate_s + strokes_s + np.array(process.suction_s), (len(target), 1))
+    other = config.weights.lost_g * (mass[:, None] - gain) * (gain > 0.0)
+    if slack_m > 0.0:
+        # A head may be reported and picked again: two or more visits bring at most everything.
+        process_s = np.hstack([process_s, 2.0 * process_s[:, :1]])
+        gain, other = np.hstack([gain, mass[:, None]]), np.hstack([other, np.zeros((len(mass), 1))])
+    return Stop(gain, other, process_s, approach, leave, routed=slack_m == 0.0)

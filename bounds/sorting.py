@@ -1,0 +1,278 @@
+"""Bounds for the produce sorter.
+
+Full knowledge: when every item comes and how it lies, what the fingers get of it, what the camera reports, the
+machine's own time for every pick. What is worth picking is picked in the best order there is (see ``belt``): the model
+is the rules' own but for the slots, of which there may be too few to show every candidate, and for waits, which may end
+at any time. Picks that bring nothing are left out: a motion by way of another place is never the quicker one.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..envs.sorting import state as columns
+from ..envs.sorting.config import SortingConfig
+from ..motion import QUINTIC
+from .base import METHODS, REPORTS, Bound, state_of
+from .belt import Belt, Stream, best_picks, decided_late, expand, finish_s
+from .timeline import Timeline, priced
+
+Array = NDArray[np.float64]
+
+MOST_LABELS, FEW_LABELS = 20_000, 1_000
+"""Schedules that are told apart before the search gives way to a bound by prices: with reports as drawn, where hundreds
+are enough, and with any reports."""
+TICK_S = 0.02
+STRAY_M, STRAY_RAD = 5e-5, 1e-3
+"""How far the simulated platform may be from where it was sent when the fingers close. Over 152 picks it was 6 um and
+0.1 mrad at most; ten times that is allowed for."""
+
+
+@dataclass(frozen=True, eq=False)
+class SortingInstance:
+    """One stream with its luck.
+
+    Attributes:
+        belt: the machine over the belt.
+        placed: what can be placed in the bin where it belongs; ``gain`` in reward.
+        arriving: what can be brought to any bin.
+        items: of the stream.
+        config: the task's numbers.
+        labels: schedules to be told apart, see ``MOST_LABELS``.
+        drawn: whether the model is the rules' own, so that a schedule may be carried out.
+        leave_s: (M,), when each candidate leaves the slots, those that are shown and never picked too.
+        seen_s: (M,), when it enters them.
+        words: what was assumed of the camera.
+    """
+
+    belt: Belt
+    placed: Stream
+    arriving: Stream
+    items: int
+    config: SortingConfig
+    labels: int
+    drawn: bool
+    leave_s: Array
+    seen_s: Array
+    words: str
+
+    def bound(self, method: str = "relaxation", time_limit_s: float = 30.0) -> Bound:
+        """What no policy can beat; see ``Instance``. Both methods are the same: the search is complete where it can be.
+
+        Raises:
+            ValueError: unknown method, or a reward that pays for mistakes.
+        """
+        weights = self.config.weights
+        if method not in METHODS:
+            raise ValueError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+        if min(weights.placed, -weights.misplaced, -weights.dropped, -weights.wasted) < 0.0:
+            raise ValueError(f"{weights}: the bound needs placed >= 0 and everything else <= 0")
+        began = time.perf_counter()
+        counted = self.placed._replace(gain=np.ones(len(self.placed.gain)))
+        most, order_n, proven_n = _best(self.belt, counted, self.labels, time_limit_s)
+        value, order_v, proven_v = _best(self.belt, self.placed, self.labels, time_limit_s)
+        most = math.floor(most + 1e-6)
+        net_rate = most / max(self.items, 1)
+        gap = math.nan
+        if self.drawn:
+            found_n, found_v = self.carried_out(counted, order_n), self.carried_out(self.placed, order_v)
+            gap = max(_gap(most, found_n), _gap(value, found_v))
+        cycle_s = self.cycle_time_at(net_rate)
+        searched = proven_n and proven_v
+        words = "all orders of picks, by dominance over the sets picked" if searched else "paths in time, items priced"
+        proven = searched and gap == 0.0
+        return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", proven, gap, time.perf_counter() - began)
+
+    def cycle_time_at(self, net_rate: float) -> float:
+        """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had."""
+        least = max(math.ceil(net_rate * self.items - 1e-9), 1)
+        if least > len(self.placed.gain):
+            return math.inf
+        earliest = self._earliest_s
+        if earliest is None:
+            # Whatever the order: a pick takes as long as the two that are nearest to each other.
+            return float((self.arriving.hold_s + 2.0 * self.arriving.least_s).min()) + self.belt.release_s
+        counts = np.arange(len(earliest))
+        return float((earliest[least:] / counts[least:]).min())
+
+    @cached_property
+    def _earliest_s(self) -> Array | None:
+        """Earliest time (n + 1,) at which 0 ... n things can lie in bins; None where that is not proven."""
+        _, earliest, _, proven = best_picks(self.belt, self.arriving, self.labels)
+        return earliest if proven else None
+
+    def carried_out(self, stream: Stream, order: NDArray[np.int64]) -> float:
+        """What the rules give for picks in this order: waits take what a wait takes, slots show what they show."""
+        belt, wait_s = self.belt, self.config.grip.wait_s
+        place, now, total = len(belt.places) - 1, 0.0, 0.0
+        tried: list[float] = []
+        leaves = stream.passing_s + stream.last_m / belt.speed_m_s
+        for j in order.tolist():
+            while now < stream.known_s[j]:
+                now += wait_s
+            shown = (self.seen_s <= now) & (self.leave_s > now) & (self.leave_s < leaves[j] - 1e-9)
+            ahead = np.count_nonzero(shown) - sum(leave > now and leave < leaves[j] - 1e-9 for leave in tried)
+            then = finish_s(belt, stream, j, int(stream.bin[j]), place, now)
+            if then == math.inf or ahead >= self.config.slots:
+                continue
+            now, place, total = then, int(stream.bin[j]), total + float(stream.gain[j])
+            tried.append(float(leaves[j]))
+        return total
+
+
+def _best(belt: Belt, stream: Stream, labels: int, seconds: float) -> tuple[float, NDArray[np.int64], bool]:
+    """Largest sum of gains, the order that brings it, and whether it is proven; else a bound by prices."""
+    value, _, order, proven = best_picks(belt, stream, labels)
+    if proven:
+        return float(value), order, True
+    first, to, option, wait, end_s, start = expand(belt, stream, TICK_S)
+    n = len(stream.gain)
+    graph = Timeline(first, to, option, wait, end_s, start, np.arange(n + 1), np.arange(n), np.ones(n))
+    guess = stream.hold_s + 2.0 * stream.least_s
+    found = priced(
+        graph, stream.gain, np.zeros(n), np.zeros(len(end_s)), guess, found=float(value), time_limit_s=seconds
+    )
+    return min(found.bound, float(stream.gain.sum())), order, False
+
+
+def _gap(bound: float, found: float) -> float:
+    gap = (bound - found) / max(abs(bound), 1e-9)
+    return gap if gap > 1e-9 else 0.0
+
+
+def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInstance:
+    """What stands in a world of the rules right after its reset.
+
+    Args:
+        core: the rules.
+        reports: ``"drawn"``: the reports are those that lie in ``core``; ``"driven"``: the same, and the platform may
+            stray a little; ``"any"``: whatever a camera may report of an item, with the fingers anywhere about it.
+        row: the world.
+
+    Raises:
+        ValueError: the episode is under way, or ``reports`` is unknown.
+    """
+    if reports not in REPORTS:
+        raise ValueError(f"reports = {reports!r}: choose one of {', '.join(REPORTS)}")
+    worlds, config = state_of(core), core.config
+    if worlds.totals[row, columns.TIME] > 0.0:
+        raise ValueError("the episode is under way: an instance is read right after a reset")
+    tables = columns.Tables.of(config)
+    places = np.vstack([tables.bins, worlds.place[row]])
+    limit_s = min(tables.time_limit_s, float(worlds.end_s[row]))
+    sorter = config.machine.sorter
+    paces = np.array(QUINTIC.paces(sorter.velocity_m_s - tables.speed_m_s, sorter.acceleration_m_s2), float)
+    belt = Belt(tables.speed_m_s, paces, places, tables.release_s, limit_s)
+    items = int(worlds.totals[row, columns.TOTAL])
+    if reports == "any":
+        placed = _any(worlds, tables, config, row)
+        arriving = placed._replace(bin=np.full(len(placed.gain), -1), gain=np.ones(len(placed.gain)))
+        nothing = np.zeros(0)
+        words = "any reports, so no error and every turn of the tool"
+        streams = _ready(belt, placed), _ready(belt, arriving)
+        return SortingInstance(belt, *streams, items, config, FEW_LABELS, False, nothing, nothing, words)
+    there = worlds.queue[row, : worlds.queued[row]]
+    stray = (0.0, 0.0) if reports == "drawn" else (STRAY_M, STRAY_RAD)
+    held = _held(worlds, tables, row, there, *stray)
+    grade = worlds.item_truth[row, worlds.report_item[row, there], columns.TRUE_GRADE]
+    right = held & (grade == worlds.report_grade[row, there])
+    words = "reports as drawn" if reports == "drawn" else "reports as drawn, the platform strays"
+    return SortingInstance(
+        belt,
+        _ready(belt, _drawn(worlds, tables, row, there[right])),
+        _ready(belt, _drawn(worlds, tables, row, there[held])._replace(gain=np.ones(int(held.sum())))),
+        items,
+        config,
+        MOST_LABELS,
+        reports == "drawn",
+        worlds.leave_s[row, there].copy(),
+        worlds.seen_s[row, there].copy(),
+        words,
+    )
+
+
+def _ready(belt: Belt, stream: Stream) -> Stream:
+    """In the order of the deadlines."""
+    order = np.argsort(stream.passing_s + stream.last_m / belt.speed_m_s, kind="stable")
+    parts = {name: getattr(stream, name)[order] for name in Stream._fields if name != "slack_m"}
+    return decided_late(belt, Stream(**parts, slack_m=stream.slack_m))
+
+
+def _held(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64], stray_m: float, stray_rad: float) -> Any:
+    """Whether the fingers hold and keep what is behind each report when the platform strays as is best."""
+    number, truth = worlds.number[row, reports], worlds.item_truth[row, worlds.report_item[row, reports]]
+    x_axis = number[:, columns.X_AXIS : columns.X_AXIS + 3]
+    z_axis = number[:, columns.Z_AXIS : columns.Z_AXIS + 3]
+    tool = number[:, [columns.ACROSS_M, columns.ACROSS_M, columns.HEIGHT_M]] - tables.tool_m * z_axis
+    off = tool - truth[:, [columns.TRUE_Y, columns.TRUE_Y, columns.TRUE_Z]]
+    # Along the belt its speed cancels out.
+    off[:, 0] = (
+        tables.speed_m_s * (truth[:, columns.TRUE_S] - number[:, columns.PASSING_S]) - tables.tool_m * z_axis[:, 0]
+    )
+    radial = np.maximum(np.hypot(off[:, 0], off[:, 1]) - stray_m - tables.tool_m * stray_rad, 0.0)
+    height = np.maximum(np.abs(off[:, 2]) - stray_m - tables.tool_m * stray_rad, 0.0)
+    misfit = np.zeros(len(reports))
+    for axis, true, shape in ((x_axis, columns.LONG, columns.NARROW), (z_axis, columns.SHORT, columns.FLAT)):
+        cosine = np.abs((axis * truth[:, true : true + 3]).sum(axis=1))
+        angle = np.maximum(np.arccos(np.minimum(cosine, 1.0)) - stray_rad, 0.0)
+        misfit += np.sin(angle) ** 2 * truth[:, shape]
+    fingers = tables.fingers
+    exponent = radial**2 * fingers.radial_per_m2 + height**2 * fingers.height_per_m2 + misfit * fingers.misfit
+    quality = np.exp(exponent) * (radial**2 <= fingers.capture_m2)
+    real = worlds.report_item[row, reports] < worlds.item_truth.shape[1] - 1
+    held = truth[:, columns.HOLD_LUCK] < fingers.best * quality
+    kept = truth[:, columns.SLIP_LUCK] >= fingers.slip * (1.0 - quality)
+    return real & held & kept & np.isfinite(number[:, columns.LAST_M])
+
+
+def _drawn(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64]) -> Stream:
+    number, grade = worlds.number[row, reports], worlds.report_grade[row, reports]
+    parts = {
+        name: number[:, column].copy()
+        for name, column in (
+            ("passing_s", columns.PASSING_S),
+            ("across_m", columns.ACROSS_M),
+            ("first_m", columns.FIRST_M),
+            ("last_m", columns.LAST_M),
+            ("hold_s", columns.HOLD_S),
+            ("least_s", columns.LEAST_S),
+        )
+    }
+    gain = float(tables.weights[0]) * tables.values[grade]
+    return Stream(**parts, known_s=worlds.seen_s[row, reports].copy(), bin=grade.copy(), gain=gain, slack_m=0.0)
+
+
+def _any(worlds: Any, tables: Any, config: SortingConfig, row: int) -> Stream:
+    """Every item that fingers can hold, as near to machine and bins as an error that they forgive may bring it."""
+    fingers, n = tables.fingers, worlds.item_truth.shape[1] - 1
+    truth = worlds.item_truth[row, :n]
+    items = np.flatnonzero(worlds.item_free[row, :n] & (truth[:, columns.HOLD_LUCK] < fingers.best))
+    truth, grade = truth[items], truth[items, columns.TRUE_GRADE].astype(np.int64)
+    # The quality that the luck asks for leaves this much room for errors.
+    room = np.log(fingers.best / np.maximum(truth[:, columns.HOLD_LUCK], 1e-12))
+    height = np.sqrt(room / -fingers.height_per_m2) + tables.tool_m + truth[:, columns.TRUE_Z]
+    down = tables.level_m - np.clip(height, 0.0, tables.level_m)
+    sorter = config.machine.sorter
+    descend = QUINTIC.duration(down, sorter.velocity_m_s, sorter.acceleration_m_s2)
+    hold = 2.0 * np.asarray(descend) + tables.grip_s
+    slack = math.sqrt(fingers.capture_m2) + tables.tool_m * math.sin(tables.tilt_limit_rad)
+    widest = float(tables.reach_m.max())
+    return Stream(
+        passing_s=truth[:, columns.TRUE_S].copy(),
+        across_m=truth[:, columns.TRUE_Y].copy(),
+        first_m=np.full(len(items), -widest - slack),
+        last_m=widest + slack - tables.speed_m_s * hold,
+        hold_s=hold,
+        least_s=np.full(len(items), tables.shortest_s),
+        known_s=np.full(len(items), -math.inf),
+        bin=grade.copy(),
+        gain=float(tables.weights[0]) * tables.values[grade],
+        slack_m=slack,
+    )

@@ -1,0 +1,365 @@
+"""Bounds for the tray transplanter.
+
+Full knowledge: what every cell holds, each plug's luck at each speed, what the cameras report, every gate's time. A
+transplant is one good plug into one open cell; what it takes is split into a share of its plug and a share of its cell
+by dual prices: no carry and no way back is shorter than the shares of its two ends together (linear programming
+duality; Kuhn 1955 for the assignment problem). The tool's ways between two transplants are shortest paths over all
+its places, so attempts that miss, conveyors that move and cells that are cleared on the way are paid for. How many
+plugs and cells there are, and which rows must have been presented for them, is exact; that a row's plugs meet certain
+rows of cells only is left out.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from ..envs.transplanting.config import EMPTY, HEALTHY, POOR, TransplantingConfig
+from ..envs.transplanting.core import TransplantingCore
+from ..envs.transplanting.motions import Motions
+from ..envs.transplanting.process import damage_chances, loss_chances
+from .base import METHODS, REPORTS, Bound, state_of
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+SHUT, OPEN, BLOCKED, HIDDEN = range(4)
+"""Target cells that gain nothing, that are empty, that must be cleared first; poor ones that no camera sees: the first
+plug spoils them, then they must be cleared."""
+USELESS = -1
+_WORDS = "shares of plugs and cells from assignment duals; which rows meet is left out"
+
+
+class Shares(NamedTuple):
+    """Seconds that a transplant takes at least, split; every sum is a lower bound of the true time.
+
+    Attributes:
+        plug_s: (speeds, n), of a plug by the speed that carries it and its column.
+        cell_s: (m,), of an empty cell by its column.
+        clear_s: (m,), more for one that must be cleared.
+        once_s: paid once an episode: the first way starts over the chute, the last one is not followed by another.
+    """
+
+    plug_s: Array
+    cell_s: Array
+    clear_s: Array
+    once_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class TrayInstance:
+    """Trays with their luck.
+
+    Attributes:
+        plug_speed: (source rows, n), fastest speed at which a plug arrives healthy, ``USELESS`` where none does.
+        supply: (source rows,), healthy seedlings that a row holds.
+        cell: (target rows, m), ``SHUT``, ``OPEN``, ``BLOCKED`` or ``HIDDEN``.
+        healthy: cells of the target trays that hold a healthy seedling from the beginning.
+        source_s: (source rows,), time of the conveyor away from each row; the last one cannot be left.
+        target_s: (target rows,), likewise; leaving the last one ends the episode.
+        shares: what a transplant takes.
+        longest_s: no decision takes longer.
+        rise_s: least time of the tool from a cell to above it.
+        table: every motion's time.
+        config: the task's numbers.
+        drawn: whether the cameras' reports are those that were drawn.
+    """
+
+    plug_speed: Numbers
+    supply: Array
+    cell: Numbers
+    healthy: int
+    source_s: Array
+    target_s: Array
+    shares: Shares
+    longest_s: float
+    rise_s: float
+    table: Motions
+    config: TransplantingConfig
+    drawn: bool
+
+    @property
+    def most(self) -> int:
+        """Transplants for which there are plugs and cells."""
+        return min(int((self.plug_speed != USELESS).sum()), int((self.cell != SHUT).sum()))
+
+    def bound(self, method: str = "relaxation", time_limit_s: float = 60.0) -> Bound:
+        """What no policy can beat; see ``Instance``. Both methods are the same: there is nothing to search.
+
+        Raises:
+            ValueError: unknown method, or a reward that pays for time or for spoiled seedlings.
+        """
+        if method not in METHODS:
+            raise ValueError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+        weights = self.config.weights
+        if min(weights.planted, -weights.spoiled, -weights.seconds) < 0.0:
+            raise ValueError(f"{weights}: the bound needs planted >= 0, spoiled <= 0 and seconds <= 0")
+        began = time.perf_counter()
+        planted = self._most_in_time()
+        net_rate = (self.healthy + planted) / self.cell.size
+        value, cycle_s = self._largest_return(planted), self.cycle_time_at(net_rate)
+        gap = math.nan
+        if self.drawn:
+            rate, found = carried_out(self, planted)
+            gaps = (net_rate - rate) / max(net_rate, 1e-9), (value - found) / max(abs(value), 1e-9)
+            gap = math.nan if math.isnan(rate) else float(max(gaps)) if max(gaps) > 1e-9 else 0.0
+        words = f"{_WORDS}; {'reports as drawn' if self.drawn else 'any reports'}"
+        return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, time.perf_counter() - began)
+
+    def cycle_time_at(self, net_rate: float) -> float:
+        """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had."""
+        least = max(math.ceil(net_rate * self.cell.size - self.healthy - 1e-9), 1)
+        if least > self.most:
+            return math.inf
+        # Transplants that gain nothing count as targets too: cells can be cleared and planted again and again.
+        again = float((self.shares.cell_s + self.shares.clear_s).min())
+        plugs = int((self.plug_speed != USELESS).sum())
+        seconds = self._least_s(plugs, again)
+        counts = np.arange(len(seconds))
+        return float((seconds[least:] / counts[least:]).min())
+
+    def _plugs(self, spoiled: float, second: float) -> tuple[list[Array], Array]:
+        """By row: price of each useful plug, and what it costs to move on to the row."""
+        rows = []
+        for speeds in self.plug_speed:
+            use = np.flatnonzero(speeds != USELESS)
+            rows.append(second * self.shares.plug_s[speeds[use], use] - spoiled)
+        moves = second * self.source_s[:-1] + spoiled * self.supply[:-1]
+        return rows, np.concatenate([[0.0], np.cumsum(moves)])
+
+    def _cells(self, second: float) -> tuple[list[Array], Array]:
+        rows = []
+        for cells in self.cell:
+            use = np.flatnonzero(cells != SHUT)
+            extra = self.shares.clear_s[use] * (cells[use] != OPEN)
+            rows.append(second * (self.shares.cell_s[use] + extra))
+        return rows, second * np.concatenate([[0.0], np.cumsum(self.target_s[:-1])])
+
+    def _handle_s(self, count: int) -> Array:
+        process = self.config.process
+        once: float = process.grip_s + process.release_s
+        return once * np.arange(count + 1, dtype=np.float64) + self.shares.once_s
+
+    def _least_s(self, count: int, again: float = math.inf) -> Array:
+        """Seconds (count + 1,) until 0 ... ``count`` plugs are planted; infinite where there are not as many."""
+        plugs = cheapest(*self._plugs(0.0, 1.0), count)
+        cells = cheapest(*self._cells(1.0), count, again)
+        seconds = np.maximum(plugs + cells + self._handle_s(count), 0.0)
+        seconds[0] = 0.0
+        return seconds
+
+    def _most_in_time(self) -> int:
+        """Largest number of plugs that can be planted before the time is up; the last decision may run over."""
+        limit = self.config.scenario.time_limit_s
+        return int(np.flatnonzero(self._least_s(self.most) <= limit + self.longest_s)[-1])
+
+    def _largest_return(self, planted: int) -> float:
+        """Bound on the return with at most ``planted`` transplants."""
+        weights, limit = self.config.weights, self.config.scenario.time_limit_s
+        second, spoiled, counts = -weights.seconds, -weights.spoiled, np.arange(planted + 1)
+        cells, _ = self._cells(second)
+        # Every target row is served and sent away; the tool rises before that.
+        cost = cheapest(cells, np.zeros(len(cells)), planted) + second * float(self.target_s.sum())
+        # A used plug in a row that is left is one seedling less that leaves with it; in the last row it is free.
+        rows, moves = self._plugs(spoiled, second)
+        stays, _ = self._plugs(0.0, second)
+        cost += cheapest(rows, moves, planted, last=stays)
+        cost[1:] += second * (self._handle_s(planted)[1:] + self.rise_s)
+        finished = float((weights.planted * counts - cost).max())
+        # Who does not finish uses the time up.
+        return max(finished, weights.planted * planted - second * limit)
+
+
+def cheapest(
+    rows: list[Array], reach: Array, count: int, again: float = math.inf, last: list[Array] | None = None
+) -> Array:
+    """Least price (count + 1,) of 0 ... ``count`` things out of rows that are reached one after the other.
+
+    Args:
+        rows: price of each thing of a row.
+        reach: (rows,), price of getting to a row, from the first one on.
+        count: most things that are asked for.
+        again: price at which a thing can be had as often as one likes, from the first row on.
+        last: prices while a row is the last one reached, where they differ.
+    """
+    best = np.full(count + 1, np.inf)
+    known = np.zeros(0)
+    for here, row in enumerate(rows):
+        own = row if last is None else last[here]
+        prices = np.sort(np.concatenate([known, own]))[:count]
+        if math.isfinite(again):
+            prices = np.minimum(np.pad(prices, (0, count - len(prices)), constant_values=again), again)
+        best[: len(prices) + 1] = np.minimum(
+            best[: len(prices) + 1], reach[here] + np.concatenate([[0.0], np.cumsum(prices)])
+        )
+        known = np.concatenate([known, row])
+    return best
+
+
+def carried_out(instance: TrayInstance, planted: int) -> tuple[float, float]:
+    """Net rate and return of a schedule that knows everything: rows in order, the shortest next transplant first.
+
+    Both are NaN when it does not end in time.
+
+    Args:
+        instance: what there is.
+        planted: transplants to carry out, or as many as the rows allow.
+    """
+    config, table = instance.config, instance.table
+    n, m = instance.plug_speed.shape[1], instance.cell.shape[1]
+    direct, cleared = table.approach_s.reshape(2, -1, n, m)
+    carry = table.carry_s.reshape(-1, n, m)
+    once = config.process.grip_s + config.process.release_s
+    place, total_s, spoiled, done, here, there = table.park, 0.0, 0.0, 0, 0, 0
+    plugs, cells = instance.plug_speed.copy(), instance.cell.copy()
+    cells[cells == HIDDEN] = SHUT
+    while True:
+        i, j = np.flatnonzero(plugs[here] != USELESS), np.flatnonzero(cells[there] != SHUT)
+        if len(i) and len(j) and done < planted:
+            both = np.ix_(i, j)
+            over = cells[there, j] == BLOCKED
+            seconds = np.where(over, cleared[place][both] + once, direct[place][both]) + once
+            seconds += carry[plugs[here, i]][:, i][:, :, j][np.arange(len(i)), np.arange(len(i))]
+            a, b = np.unravel_index(int(seconds.argmin()), seconds.shape)
+            total_s, place, done = total_s + float(seconds[a, b]), n + int(j[b]), done + 1
+            plugs[here, i[a]], cells[there, j[b]] = USELESS, SHUT
+            continue
+        rising = float(table.rise_s[place])
+        place = place + table.cells if rising > 0.0 else place
+        if len(j) and done < planted and here + 1 < len(plugs):
+            # Every healthy seedling that leaves is one that was not planted.
+            spoiled += instance.supply[here] - int((instance.plug_speed[here] != plugs[here]).sum())
+            total_s, here = total_s + rising + float(instance.source_s[here]), here + 1
+            continue
+        total_s, there = total_s + rising + float(instance.target_s[there]), there + 1
+        if there == len(cells):
+            break
+    if total_s > config.scenario.time_limit_s:
+        return math.nan, math.nan
+    weights = config.weights
+    value = weights.planted * done + weights.seconds * total_s + weights.spoiled * spoiled
+    return (instance.healthy + done) / instance.cell.size, value
+
+
+def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -> TrayInstance:
+    """What stands in a world of the rules right after its reset.
+
+    Args:
+        core: the rules.
+        reports: ``"drawn"`` or ``"driven"``: the cameras' reports are those that lie in ``core``, a simulated machine
+            being never quicker than its plan, and no better beside a cell; ``"any"``: whatever they may report.
+        row: the world.
+
+    Raises:
+        ValueError: the episode is under way, or ``reports`` is unknown.
+    """
+    if reports not in REPORTS:
+        raise ValueError(f"reports = {reports!r}: choose one of {', '.join(REPORTS)}")
+    state, config = state_of(core), core.config
+    if state.place[row] != core.motions.park or state.source_row[row] or state.target_row[row]:
+        raise ValueError("the episode is under way: an instance is read right after a reset")
+    scenario, table = config.scenario, core.motions
+    rows_s, rows_t = scenario.source_trays * scenario.source.rows, scenario.target_trays * scenario.target.rows
+    source, target = state.source_cells[row, :rows_s], state.target_cells[row, :rows_t]
+    luck = state.luck[row, :rows_s]
+    speed = np.full(source.shape, USELESS)
+    lose, damage = loss_chances(config.machine, config.process), damage_chances(config.machine, config.process)
+    for index in np.argsort(-table.carry_s.sum(axis=1), kind="stable"):
+        good = (
+            (luck[..., 0] < config.process.extraction) & (luck[..., 1] >= lose[index]) & (luck[..., 2] >= damage[index])
+        )
+        speed[good & (source == HEALTHY)] = index
+    cell = np.where(target == HEALTHY, SHUT, np.where(target == POOR, BLOCKED, OPEN))
+    # The same prices whatever the cameras report: so knowing the reports never makes a bound weaker.
+    prices = shares(table, config, speed, cell)
+    if reports != "any":
+        speed[state.source_reports[row, :rows_s] == EMPTY] = USELESS
+        told = state.target_reports[row, :rows_t]
+        cell[told == HEALTHY] = SHUT
+        cell[(cell == BLOCKED) & (told == EMPTY)] = HIDDEN
+        cell[(cell == OPEN) & (told == POOR)] = BLOCKED
+    ends = [
+        np.where(np.arange(1, trays * tray.rows + 1) % tray.rows, table.index_s[side], table.exchange_s[side])
+        for side, (tray, trays) in enumerate(
+            ((scenario.source, scenario.source_trays), (scenario.target, scenario.target_trays))
+        )
+    ]
+    process = config.process
+    longest = float(table.approach_s.max() + table.carry_s.max()) + 2.0 * (process.grip_s + process.release_s)
+    return TrayInstance(
+        plug_speed=speed,
+        supply=np.count_nonzero(source == HEALTHY, axis=1).astype(np.float64),
+        cell=cell,
+        healthy=int(np.count_nonzero(target == HEALTHY)),
+        source_s=ends[0],
+        target_s=ends[1],
+        shares=prices,
+        longest_s=max(longest, float(max(times.max() for times in ends) + table.rise_s.max()), process.illegal_s),
+        rise_s=float(table.rise_s[scenario.source.columns : table.cells].min()),
+        table=table,
+        config=config,
+        drawn=reports != "any",
+    )
+
+
+def shares(table: Motions, config: TransplantingConfig, plug_speed: Numbers, cell: Numbers) -> Shares:
+    """Split the times of a configuration for the plugs and cells that there are; valid for any others too."""
+    n, m = plug_speed.shape[1], cell.shape[1]
+    sources, targets, park = np.arange(n), n + np.arange(m), table.park
+    process, speeds = config.process, len(table.carry_s)
+    carry = table.carry_s.reshape(speeds, n, m)
+    direct, cleared = table.approach_s.reshape(2, -1, n, m)
+    usual, over = direct.min(axis=2), cleared.transpose(0, 2, 1)
+    # Shortest ways (P, P) over all that decisions do: to a source cell, on to a target, up before a conveyor moves.
+    way = np.full((len(table.x_m),) * 2, np.inf)
+    np.fill_diagonal(way, 0.0)
+    way[:, :n] = np.minimum(way[:, :n], np.minimum(usual, over.min(axis=1)))
+    way[:n, n : n + m] = np.minimum(way[:n, n : n + m], carry.min(axis=0))
+    for place in range(table.cells):
+        way[place, place + table.cells] = table.rise_s[place]
+    for middle in range(len(way)):
+        way = np.minimum(way, way[:, middle, None] + way[middle])
+
+    used = np.array([[np.count_nonzero(plug_speed[:, i] == s) for i in range(n)] for s in range(speeds)], float)
+    open_cells = np.array([np.count_nonzero(cell[:, j] != SHUT) for j in range(m)], float)
+    plug, end = dual_prices(carry.reshape(-1, m), used.ravel(), open_cells)
+    # The way back begins where the last plug was set and ends at the next one.
+    back = way[targets][:, :n].T
+    fetch, start = dual_prices(back, used.sum(axis=0), open_cells)
+    first = float((way[park, :n] - fetch).min())
+    begins = np.concatenate([start, [first], -fetch - process.grip_s])
+    places = np.concatenate([targets, [park], sources])
+    clear = np.empty(m)
+    for j in range(m):
+        detour = (way[places][:, :, None] + over[None, :, j, :]).min(axis=1)
+        ways = detour[:, :, None] + way[:n, :n] + process.grip_s * (1.0 - np.eye(n))
+        clear[j] = (ways.min(axis=1) - fetch - begins[:, None]).min() + process.grip_s + process.release_s
+    return Shares(
+        plug_s=plug.reshape(speeds, n) + fetch,
+        cell_s=end + start,
+        clear_s=np.maximum(clear, 0.0),
+        once_s=first - float(start.max()),
+    )
+
+
+def dual_prices(cost: Array, supply: Array, demand: Array) -> tuple[Array, Array]:
+    """Prices of rows and columns, (n,) and (m,), whose sums never exceed ``cost`` (n, m).
+
+    Out of all of them those with the largest total over the shares of ``supply`` and ``demand``: the dual of the
+    transportation problem between them.
+    """
+    p = (supply + 1e-3) / (supply + 1e-3).sum()
+    q = (demand + 1e-3) / (demand + 1e-3).sum()
+    n, m = cost.shape
+    both = np.hstack([np.repeat(np.eye(n), m, axis=0), np.tile(np.eye(m), (n, 1))])
+    found = linprog(-np.concatenate([p, q]), A_ub=both, b_ub=cost.ravel(), bounds=(None, None), method="highs")
+    rows = found.x[:n] if found.success else np.zeros(n)
+    # Only the columns' prices are made from the rows': so no rounding of the solver can make the sum too large.
+    columns = (cost - rows[:, None]).min(axis=0)
+    return rows, columns

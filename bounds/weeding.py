@@ -1,0 +1,281 @@
+"""Bounds for weeding from a moving cart, with any tool.
+
+Full knowledge: where every plant stands and what it can take, where every track will have the tool work, the machine's
+own time for every way. At a steady speed a schedule is a path in a time-expanded graph (see ``strip``) in which a weed
+counts once (see ``timeline``). Where the speed is chosen, a schedule takes at least its work and the shortest ways to
+its targets, and no less than the strip takes at the highest speed. Left out: the slots, and that a weed that only
+several shots kill takes whole ones.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..envs.weeding.rules import TIME
+from ..envs.weeding.tool import move_time
+from .base import METHODS, REPORTS, Bound, state_of
+from .shots import STRAY_M, Shots, any_shots, drawn_shots
+from .strip import Strip, build, shortest_moves
+from .timeline import Timeline, priced
+
+Array = NDArray[np.float64]
+
+TICK_S = 0.02
+"""Grain of time. Half of it is lost on average where a shot and its way take half a second."""
+SECONDS = 30.0
+"""Most wall seconds for either of the two searches; the number of steps ends them long before, so that a bound is the
+same wherever it is reckoned."""
+ROUNDS, FEW_ROUNDS = 40, 6
+URGENCIES = (0.3, 1.0)
+"""Of the schedules that are carried out to see how near the bound can be reached."""
+
+
+@dataclass(frozen=True, eq=False)
+class WeedingInstance:
+    """One strip with its luck.
+
+    Attributes:
+        shots: what can be done that kills.
+        tracks_s: (T,), when each track comes into the window at the earliest, ascending; None: any number at any time.
+        way_s: (T,), no way to a track is shorter.
+        arm: numbers of the tool's arm.
+        stand_s: (M,), standing times of the modes.
+        move_s: (J,), no way to an option is shorter.
+        weeds: true weeds of the strip.
+        cart_m: position of the cart in the beginning.
+        least_s: no episode is shorter.
+        core: the rules, as they were reset, for a schedule to be carried out; None where reports are not drawn.
+        config: the task's numbers.
+        words: what was assumed.
+    """
+
+    shots: Shots
+    tracks_s: Array | None
+    way_s: Array
+    arm: Any
+    stand_s: Array
+    move_s: Array
+    weeds: int
+    cart_m: float
+    least_s: float
+    core: Any
+    config: Any
+    words: str
+
+    def bound(self, method: str = "relaxation", time_limit_s: float = SECONDS) -> Bound:
+        """What no policy can beat; see ``Instance``. Both methods are the same search.
+
+        Raises:
+            ValueError: unknown method, or a reward that pays for time, energy or lost crop.
+        """
+        weights = self.config.weights
+        if method not in METHODS:
+            raise ValueError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+        if min(weights.killed, -weights.crop, -weights.seconds, -weights.joules) < 0.0:
+            raise ValueError(f"{weights}: the bound needs killed >= 0 and everything else <= 0")
+        began = time.perf_counter()
+        found_n, found_v = (math.nan, math.nan) if self.core is None else self._carried_out()
+        if self.config.speed_control:
+            kills, value = self._most_work(), float(self._largest_return())
+            words = "work and shortest ways against the time"
+        else:
+            kills, value = self._priced(found_n, found_v, time_limit_s)
+            words = "paths in a time-expanded graph, weeds priced"
+        kills = math.floor(min(kills, self.shots.weeds) + 1e-6)
+        gap = max(_gap(kills, found_n), _gap(value, found_v)) if self.core is not None else math.nan
+        net_rate = kills / max(self.weeds, 1)
+        cycle_s = self.cycle_time_at(net_rate)
+        return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", gap == 0.0, gap, time.perf_counter() - began)
+
+    def cycle_time_at(self, net_rate: float) -> float:
+        """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had.
+
+        Every shot counts as a target, whatever it hits.
+        """
+        least = max(math.ceil(net_rate * self.weeds - 1e-9), 0)
+        shots = self.shots
+        if least > shots.weeds:
+            return math.inf
+        kill_s = float(np.sort(shots.least_work_s())[:least].sum())
+        last_s = float(np.sort(self._enters_s())[least - 1]) if least else 0.0
+        shortest = float(self.stand_s.min())
+        if self.tracks_s is None:
+            # Any number of shots: all but those that kill are the shortest ones there are, without a way.
+            count = np.maximum(least, 1) * np.array([1, 10, 100, 1000, 100_000])
+            return float((np.maximum(kill_s + (count - least) * shortest, last_s) / count)[-1])
+        count = np.arange(1, len(self.tracks_s) + 1)
+        ways = np.concatenate([[0.0], np.cumsum(np.sort(self.way_s))[: len(count) - 1]])
+        spent = np.maximum(kill_s + np.maximum(count - least, 0) * shortest, count * shortest) + ways
+        spent = np.maximum(np.maximum(spent, self.tracks_s + shortest), last_s)
+        return float((spent / count).min())
+
+    @property
+    def _fastest_m_s(self) -> float:
+        config = self.config
+        return float(config.cart.speed_range_m_s[1]) if config.speed_control else float(config.speed_m_s)
+
+    def _enters_s(self) -> Array:
+        """Earliest end (weeds,) of a shot that serves each weed."""
+        shots, arm = self.shots, self.arm
+        ends = (shots.told_m[:, 0] - shots.slack_m - arm.front_m - self.cart_m) / self._fastest_m_s
+        ends = np.maximum(ends, 0.0) + shots.stand_s
+        earliest = np.full(shots.weeds, np.inf)
+        np.minimum.at(earliest, shots.share_weed, ends[shots.option_of_share()])
+        return earliest
+
+    def _priced(self, found_n: float, found_v: float, seconds: float) -> tuple[float, float]:
+        """Bounds on weeds killed and on the return at a steady speed."""
+        shots, config, weights = self.shots, self.config, self.config.weights
+        second = -weights.seconds
+        if not shots.weeds:
+            return 0.0, -second * self.least_s
+        speed = float(config.speed_m_s)
+        until = (config.scenario.strip_m + self.arm.front_m - self.cart_m) / speed
+        strip = Strip(
+            shots.told_m,
+            shots.aim_m,
+            shots.slack_m,
+            shots.stand_s,
+            self.cart_m,
+            speed,
+            self.arm.front_m,
+            float(config.cart.moment_s),
+            TICK_S,
+            until + 1.0,
+            late_s(self.arm),
+        )
+        first, to, option, wait, end_s, start = build(self.arm, strip, self.move_s)
+        share_first = np.append(shots.share_first, shots.share_first[-1])
+        graph = Timeline(first, to, option, wait, end_s, start, share_first, shots.share_weed, shots.share)
+        guess = np.full(shots.weeds, np.inf)
+        each = shots.option_of_share()
+        np.minimum.at(guess, shots.share_weed, (shots.stand_s + self.move_s)[each] / shots.share)
+        one = np.ones(shots.weeds)
+        nothing, cost = np.zeros(len(shots.cost) + 1), np.append(shots.cost, 0.0)
+        # With any reports nearly everything can be killed: there is little to search for.
+        rounds = ROUNDS if self.tracks_s is not None else FEW_ROUNDS
+        no_end = np.zeros(len(end_s))
+        kills = priced(graph, one, nothing, no_end, guess, rounds=rounds, found=found_n, time_limit_s=seconds)
+        end = -second * np.maximum(end_s, self.least_s)
+        # Where time is not short a weed's price is what its shot costs.
+        begin = np.full(shots.weeds, np.inf)
+        np.minimum.at(begin, shots.share_weed, shots.cost[each] / shots.share)
+        gain = one * weights.killed
+        value = priced(graph, gain, cost, end, guess, rounds=rounds, found=found_v, time_limit_s=seconds, begin=begin)
+        return kills.bound, value.bound
+
+    def _times_s(self) -> Array:
+        """Least work and way (weeds,) of each weed where the speed is free."""
+        shots = self.shots
+        option = shots.option_of_share()
+        total = np.zeros(len(shots.stand_s))
+        np.add.at(total, option, shots.share)
+        times = np.full(shots.weeds, np.inf)
+        each = (shots.stand_s + self.move_s) / np.maximum(total, 1e-12)
+        np.minimum.at(times, shots.share_weed, each[option])
+        return times
+
+    def _first_s(self) -> float:
+        """The first way begins where the machine waits: it may be shorter than the others."""
+        return float(self.move_s.max(initial=0.0))
+
+    def _most_work(self) -> float:
+        """Weeds that can be killed in the time allowed; the last decision may run over."""
+        longest = float(self.stand_s.max()) + late_s(self.arm)
+        spent = np.cumsum(np.sort(self._times_s())) - self._first_s()
+        return float(np.count_nonzero(spent <= self.config.time_limit_s + longest))
+
+    def _largest_return(self) -> float:
+        """Bound on the return with a free speed: time is paid for as work or as the strip's length, part by part."""
+        shots, weights = self.shots, self.config.weights
+        second = -weights.seconds
+        option = shots.option_of_share()
+        total = np.zeros(len(shots.stand_s))
+        np.add.at(total, option, shots.share)
+        best = math.inf
+        for part in np.linspace(0.0, 1.0, 11):
+            price = (shots.cost + second * part * (shots.stand_s + self.move_s)) / np.maximum(total, 1e-12)
+            each = np.full(shots.weeds, np.inf)
+            np.minimum.at(each, shots.share_weed, price[option])
+            value = float(np.maximum(weights.killed - each, 0.0).sum())
+            best = min(best, value + second * (part * self._first_s() - (1.0 - part) * self.least_s))
+        return best
+
+    def _carried_out(self) -> tuple[float, float]:
+        """Most weeds killed and largest return of some schedules that know what each shot does."""
+        from .gardener import tended
+
+        results = [tended(self.core, urgency) for urgency in URGENCIES]
+        return max(kills for kills, _ in results), max(value for _, value in results)
+
+
+def _gap(bound: float, found: float) -> float:
+    gap = float((bound - found) / max(abs(bound), 1e-9))
+    return gap if gap > 1e-9 else 0.0
+
+
+def late_s(arm: Any) -> float:
+    """From setting out to the work no more passes than this: the widest move, and the longest wait."""
+    ranges = arm.scale
+    widest = move_time(arm, 2.0 * ranges[0] + 0.1, 2.0 * ranges[1], 2.0 * ranges[2])
+    return float(widest) + float(arm.early_s)
+
+
+def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInstance:
+    """What stands in a world of the rules right after its reset.
+
+    Args:
+        core: the rules.
+        reports: ``"drawn"``: the tracks are those that lie in ``core``; ``"driven"``: the same, and the tool strays a
+            little; ``"any"``: whatever the cameras report.
+        row: the world.
+
+    Raises:
+        ValueError: the episode is under way, or ``reports`` is unknown.
+    """
+    if reports not in REPORTS:
+        raise ValueError(f"reports = {reports!r}: choose one of {', '.join(REPORTS)}")
+    state, tables, config, arm = state_of(core), core.tables, core.config, core.machine
+    if state.totals[row, TIME] > 0.0:
+        raise ValueError("the episode is under way: an instance is read right after a reset")
+    fastest = float(config.cart.speed_range_m_s[1]) if config.speed_control else float(config.speed_m_s)
+    cart = float(state.cart[row])
+    least_s = (tables.end_m - tables.blind_m - cart) / fastest
+    if reports == "any":
+        shots, tracks, ways = any_shots(core, row), None, np.zeros(0)
+        words = "any reports and any number of tracks a weed"
+    else:
+        shots = drawn_shots(core, row, 0.0 if reports == "drawn" else STRAY_M)
+        n = int(state.track_count[row])
+        told, aim = state.track_report[row, :n].copy(), state.track_aim[row, :n].copy()
+        tracks = np.maximum((told[:, 0] - arm.front_m - cart) / fastest, 0.0)
+        ways = shortest_moves(arm, told, aim, np.zeros(n), _lean_m(arm), float(config.cart.moment_s))
+        # The episode goes on until every track has been shot at or has left.
+        least_s = max(least_s, float(tracks.max(initial=0.0)) + float(tables.stand_s.min()))
+        words = "tracks as drawn" if reports == "drawn" else "tracks as drawn, the tool strays"
+    moves = shortest_moves(arm, shots.told_m, shots.aim_m, shots.slack_m, _lean_m(arm), float(config.cart.moment_s))
+    return WeedingInstance(
+        shots=shots,
+        tracks_s=None if tracks is None else np.sort(tracks),
+        way_s=ways,
+        arm=arm,
+        stand_s=tables.stand_s,
+        move_s=moves,
+        weeds=int(state.weeds[row]),
+        cart_m=cart,
+        least_s=max(least_s, 0.0),
+        core=core if reports == "drawn" and core.worlds == 1 else None,
+        config=config,
+        words=words,
+    )
+
+
+def _lean_m(arm: Any) -> float:
+    """Range of the arm's lean along the row, to either side."""
+    return float(arm.scale[1])

@@ -1,0 +1,113 @@
+"""What carries a picking plan out: the plan's own word, or the machine in PyBullet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...motion import QUINTIC
+from ...simulation.picker_model import PickerParameters
+from ..core import Array, Rows
+from .config import SafflowerConfig
+from .core import PickerOutcome, SafflowerCore
+from .rules import DRIVE, NOTHING, PickerPlan
+
+_REST_TOLERANCE_M = 5e-4
+"""The motion is over when the tool is this close to where it was sent; its weight alone bends it by up to 0.25 mm."""
+_REST_LIMIT_S = 0.5
+"""Longest wait for that; what is left then is the error that the cut sees."""
+_WAIT_S = 0.025
+
+
+class AnalyticPicker:
+    """Executor that takes the plan's word: nominal phase times, the tool exactly where it was sent."""
+
+    def reset_rows(self, rows: Rows) -> None:
+        """Nothing to prepare."""
+
+    def execute(self, plan: PickerPlan) -> PickerOutcome:
+        """What the plan says."""
+        return PickerOutcome(plan.phases_s, plan.target)
+
+    def close(self) -> None:
+        """Nothing to free."""
+
+
+class PyBulletPicker:
+    """Executor that drives the closed-loop machine of one world.
+
+    The machine moves in PyBullet; while it stands still (settling, locating, cutting) time passes without steps.
+    """
+
+    def __init__(self, core: SafflowerCore):
+        """Build the machine for the rules' single world."""
+        # PyBullet loads where a machine is driven, not where a batch is computed.
+        from ...simulation.picker import PickerMachine
+
+        if core.worlds != 1:
+            raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
+        self._core = core
+        self._machine = PickerMachine(picker_parameters(core.config))
+        self._dt = 1.0 / self._machine.parameters.physics_hz
+
+    def reset_rows(self, rows: Rows) -> None:
+        """Put the machine where the rules say it stands."""
+        if len(rows):
+            pose = self._core.state.pose[0]
+            self._machine.reset(float(pose[0]), pose[1:])
+
+    def execute(self, plan: PickerPlan) -> PickerOutcome:
+        """Drive the motion and say how long it took and where the tool came to rest."""
+        phases = plan.phases_s.copy()
+        kind = int(plan.kind[0])
+        if kind == NOTHING:
+            return PickerOutcome(phases, plan.target)
+        cart, tool, nominal_s = trajectory(plan, self._core.config.machine.clear_level_m, self._dt)
+        report = self._machine.run(cart, tool)
+        moved_s = report.duration_s
+        hold = np.full(round(_WAIT_S / self._dt) + 1, cart[-1]), np.repeat(tool[-1:], round(_WAIT_S / self._dt) + 1, 0)
+        while report.final_error_m > _REST_TOLERANCE_M and moved_s < nominal_s + _REST_LIMIT_S:
+            report = self._machine.run(*hold)
+            moved_s += report.duration_s
+        phases[0, 1 if kind == DRIVE else 2] += moved_s - nominal_s
+        x, y, z = report.final_tool_m
+        parameters = self._machine.parameters
+        plane = [[x, y + 0.5 * parameters.five_bar.base_m, z - parameters.motor_height_m]]
+        return PickerOutcome(phases, np.array(plane))
+
+    def close(self) -> None:
+        """Close the world; idempotent."""
+        self._machine.close()
+
+
+def picker_parameters(config: SafflowerConfig) -> PickerParameters:
+    """The machine's parameters with its frame set to the scenario's crop."""
+    return replace(config.machine.picker, motor_height_m=config.scenario.motor_height_m)
+
+
+def trajectory(plan: PickerPlan, level_m: float, step_s: float) -> tuple[Array, Array, float]:
+    """Commands of one world's motion: rise, traverse and cart side by side, descend.
+
+    The wait for the cart to settle is left out: nothing moves in it.
+
+    Args:
+        plan: the plan; its first world counts.
+        level_m: level of the traverse in the arm's plane.
+        step_s: sampling interval.
+
+    Returns:
+        Cart (n,), tool (n, 2) and the nominal duration in seconds.
+    """
+    rise_s, descent_s, (cart_s, across_s) = plan.rise_s[0], plan.descent_s[0], plan.beside_s[0]
+    start, target = plan.start[0], plan.target[0]
+    beside_s = max(across_s, cart_s)
+    nominal_s = float(rise_s + beside_s + descent_s)
+    time = step_s * np.arange(int(np.ceil(nominal_s / step_s)) + 1)
+    above = level_m
+    up = QUINTIC.sample(time, above - start[2], rise_s).position
+    down = QUINTIC.sample(time - rise_s - beside_s, target[2] - above, descent_s).position
+    across = QUINTIC.sample(time - rise_s, target[1] - start[1], across_s).position
+    ahead = QUINTIC.sample(time - rise_s, target[0] - start[0], cart_s).position
+    tool = np.column_stack([start[1] + across, start[2] + up + down])
+    return start[0] + ahead, tool, nominal_s

@@ -1,0 +1,164 @@
+"""What carries a transplanting plan out: the plan's own word, or the machine in PyBullet."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...motion import PathMotion, StoppedPath
+from ...simulation.transplanter import GateReport, TransplanterMachine
+from ...simulation.transplanter_model import TransplanterParameters
+from ..core import Array, Rows
+from .config import TransplantingConfig
+from .core import TransplantingCore, TransplantOutcome
+from .motions import Motions, gate_motion
+from .rules import INDEX_SOURCE, NOTHING, TransplantPlan
+
+_REST_TOLERANCE_M = 5e-4
+"""A gate is over when the tool is this close to where it was sent."""
+_REST_LIMIT_S = 0.3
+"""Longest wait for that; what is left then is the error that gripping and releasing see."""
+_WAIT_S = 0.010
+
+EMPTY_HANDED = 3
+"""Index of the empty gripper's limit behind the three speeds."""
+
+
+class Move(NamedTuple):
+    """One gate of a decision.
+
+    Attributes:
+        start: place, see ``Motions``.
+        end: place.
+        limit: speed index of the acceleration limit, or ``EMPTY_HANDED``.
+        phase: ``"travel"`` or ``"carry"``.
+        loaded: whether something is in the gripper.
+        then: what the gripper does at the end: ``"grip"``, ``"release"``, ``"miss"`` or nothing.
+    """
+
+    start: int
+    end: int
+    limit: int
+    phase: str
+    loaded: bool
+    then: str
+
+
+class AnalyticTransplanter:
+    """Executor that takes the plan's word: nominal phase times, the tool exactly where it was sent."""
+
+    def reset_rows(self, rows: Rows) -> None:
+        """Nothing to prepare."""
+
+    def execute(self, plan: TransplantPlan) -> TransplantOutcome:
+        """What the plan says."""
+        return TransplantOutcome(plan.phases_s, np.zeros((len(plan.kind), 2)))
+
+    def close(self) -> None:
+        """Nothing to free."""
+
+
+class Trajectories:
+    """Gates between the places of a configuration in the arm's plane, planned and sampled once each."""
+
+    def __init__(self, config: TransplantingConfig, motions: Motions):
+        """Take places, level and limits from the configuration."""
+        machine = config.machine
+        (_, bottom), _ = machine.arm.window_m
+        self.level_m = bottom + machine.lift_m
+        self.points = np.column_stack([motions.x_m, bottom + motions.height_m])
+        limits = *machine.carry_acceleration_m_s2, machine.acceleration_m_s2
+        self._gates = [machine.gate(limit) for limit in limits]
+        self._known: dict[tuple[int, int, int], StoppedPath | PathMotion] = {}
+        self._sampled: dict[tuple[int, int, int, float], Array] = {}
+
+    def motion(self, move: Move) -> StoppedPath | PathMotion:
+        """The timed gate of a move."""
+        key = move.start, move.end, move.limit
+        if key not in self._known:
+            start, end = self.points[move.start], self.points[move.end]
+            self._known[key] = gate_motion(self._gates[move.limit], start, end, self.level_m)
+        return self._known[key]
+
+    def samples(self, move: Move, step_s: float) -> tuple[Array, float]:
+        """Positions (n, 2) of a move, ``step_s`` apart from its start until it is over, and its duration."""
+        motion, key = self.motion(move), (move.start, move.end, move.limit, step_s)
+        if key not in self._sampled:
+            steps = int(np.ceil(motion.duration_s / step_s - 1e-9))
+            self._sampled[key] = motion.sample(step_s * np.arange(steps + 1)).position
+        return self._sampled[key], motion.duration_s
+
+
+class PyBulletTransplanter:
+    """Executor that drives the closed-loop machine of one world.
+
+    The machine moves in PyBullet; while it stands still (gripping, indexing) time passes without steps.
+    """
+
+    def __init__(self, core: TransplantingCore):
+        """Build the machine for the rules' single world."""
+        if core.worlds != 1:
+            raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
+        self._core = core
+        self._machine = TransplanterMachine(TransplanterParameters(arm=core.config.machine.arm))
+        self._trajectories = Trajectories(core.config, core.motions)
+        self._plug_kg = core.config.process.plug_kg
+
+    def reset_rows(self, rows: Rows) -> None:
+        """Put the machine where the rules say it stands."""
+        if len(rows):
+            self._machine.carry(0.0)
+            self._machine.reset(self._trajectories.points[self._core.state.place[0]])
+
+    def execute(self, plan: TransplantPlan) -> TransplantOutcome:
+        """Drive the gates and say how long they took and where the tool came to rest."""
+        phases = plan.phases_s.copy()
+        errors = np.zeros((1, 2))
+        columns = {name: index for index, name in enumerate(self._core.phase_names)}
+        n = self._core.source_shape[1]
+        for move in moves(self._core, plan):
+            self._machine.carry(self._plug_kg if move.loaded else 0.0)
+            moved_s, nominal_s, error_m = self._drive(move)
+            phases[0, columns[move.phase]] += moved_s - nominal_s
+            if move.then:
+                errors[0, int(move.end >= n)] = error_m
+        return TransplantOutcome(phases, errors)
+
+    def close(self) -> None:
+        """Close the world; idempotent."""
+        self._machine.close()
+
+    def _drive(self, move: Move) -> tuple[float, float, float]:
+        """Simulated and nominal seconds of a move, and the tool's distance from its end."""
+        positions, nominal_s = self._trajectories.samples(move, self._machine.client.step_s)
+        report: GateReport = self._machine.run(positions)
+        moved_s = report.duration_s
+        steps = round(_WAIT_S / self._machine.client.step_s)
+        while report.final_error_m > _REST_TOLERANCE_M and moved_s < nominal_s + _REST_LIMIT_S:
+            report = self._machine.run(np.repeat(positions[-1:], steps + 1, axis=0))
+            moved_s += report.duration_s
+        return moved_s, nominal_s, report.final_error_m
+
+
+def moves(core: TransplantingCore, plan: TransplantPlan, row: int = 0) -> list[Move]:
+    """The gates of one world's decision, in order."""
+    kind, start = int(plan.kind[row]), int(plan.start[row])
+    cells, park = core.motions.cells, core.motions.park
+    if kind == NOTHING:
+        return []
+    if kind >= INDEX_SOURCE:
+        return [Move(start, start + cells, EMPTY_HANDED, "travel", False, "")] if start < cells else []
+    source, target = core.cells_of_pair(int(plan.pair[row]))
+    legs: list[Move] = []
+    here = start
+    if plan.clears[row]:
+        legs.append(Move(here, target, EMPTY_HANDED, "travel", False, "grip"))
+        legs.append(Move(target, park, EMPTY_HANDED, "travel", True, "release"))
+        here = park
+    gripped = "grip" if plan.grips[row] else "miss"
+    legs.append(Move(here, source, EMPTY_HANDED, "travel", False, gripped))
+    if plan.grips[row]:
+        legs.append(Move(source, target, kind, "carry", True, "release"))
+    # Where the tool stands already there is no gate to drive.
+    return [leg for leg in legs if leg.start != leg.end]

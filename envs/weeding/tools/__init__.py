@@ -1,0 +1,1 @@
+"""What weeders carry: a folder a tool."""

@@ -1,0 +1,1 @@
+"""The hoe on the 3-PRRS platform."""

@@ -1,0 +1,92 @@
+"""The Gymnasium environments of the hoe."""
+
+from __future__ import annotations
+
+from gymnasium.vector import AutoresetMode
+
+from ...config import FieldTask
+from ...env import WeedingEnv, WeedingVectorEnv
+
+
+class HoeWeedingEnv(WeedingEnv):
+    """Uproot weeds with a hoe from a cart that never stops (``fieldgym/HoeWeeding-v0``).
+
+    The field of ``fieldgym/LaserWeeding-v0`` with another tool: under the cart hangs a 3-PRRS platform (Du, Guo, Niu)
+    with a round hoe blade. It moves over the crop to a weed, plunges, is led once around it, and lifts, while the cart
+    drives on: the platform follows the plant. What the blade sweeps is a disc; a weed is uprooted, or a crop plant
+    lost, by the share of its root zone within the disc and the depth of the blade. There is no camera beside the tool:
+    it works where the front camera's tracks and the odometry say. Equal seeds are equal fields, whichever the tool.
+
+    **Action**, ``Discrete(3 K + 1)``: ``slot * 3 + intensity`` with intensity 0 gentle (12 mm deep, a disc of 19 mm
+    radius), 1 normal (22 mm, 23 mm), 2 deep (35 mm, 27 mm) stirs at a candidate; ``3 K`` waits a moment (0.1 s). Slots
+    are in the order in which their weeds leave the window. What cannot be followed for the whole stir is masked; a weed
+    that is up to 0.4 s in front of the window may be chosen, the blade then waits over it. An illegal action does
+    nothing, costs 0.25 s and is counted.
+
+    **Observation**, a ``Dict`` of float32 boxes scaled to order one:
+
+    - ``machine`` (7,): ``place`` of the blade before the cart's middle / 0.14 m, ``lean_along`` 0 (nothing leans),
+      ``lean_across`` the blade's place across / 0.2 m, ``speed`` and ``set_speed`` of the cart / 0.1 m/s, ``progress``
+      of the cart / strip, ``backlog`` candidates / K.
+    - ``candidates`` (K x 11,), as in ``fieldgym/LaserWeeding-v0``.
+    - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
+
+    **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed``, ``crop`` (-5 a crop plant that is lost), ``time``
+    (-0.05 a second), ``energy`` (-0.0005 a joule of work against the soil).
+
+    **Score**: ``info["scorecard"]``: ``net_rate`` = uprooted / all true weeds of the band, ``cycle_time_s`` = time
+    until the last stir / stirs, ``crop_loss_percent``, ``weeds_per_s``, ``joules_per_weed``, ``ha_per_h``, phases
+    (move, wait, plunge, stir, lift, pause).
+
+    Args:
+        scenario: tiers by offered load, as in ``fieldgym/LaserWeeding-v0``; the cart's speed follows from the load and
+            from how long the tool takes.
+        backend: ``"pybullet"`` drives the closed-loop machine, soil resisting its blade; ``"analytic"`` computes its
+            motion.
+        perception: ``"camera"`` renders and segments images of the front camera, ``"model"`` draws from statistics
+            measured on such images, ``"perfect"`` reports every weed where it is. Default: camera with PyBullet, model
+            with the analytic backend.
+        slots: candidates K shown at once.
+        config: every number of the task, a ``HoeWeedingConfig``; ``scenario`` and ``slots`` replace its own.
+        tool: ``"hoe"``, or ``"laser"`` to meet the same fields with the laser.
+        render_mode: ``"rgb_array"``, ``"human"`` or None.
+
+    Raises:
+        ValueError: an argument is unknown or out of range; the message says what is allowed.
+    """
+
+    def __init__(
+        self,
+        scenario: str | None = None,
+        backend: str = "pybullet",
+        perception: str | None = None,
+        slots: int | None = None,
+        config: FieldTask | None = None,
+        tool: str = "hoe",
+        render_mode: str | None = None,
+    ):
+        """Build the environment; see the class."""
+        super().__init__(tool, scenario, backend, perception, slots, config, render_mode)
+
+
+class HoeWeedingVectorEnv(WeedingVectorEnv):
+    """``num_envs`` worlds of ``fieldgym/HoeWeeding-v0`` in one batch, with the analytic backend.
+
+    Args as in ``HoeWeedingEnv`` and ``TaskVectorEnv``. PyBullet machines run one a process: use
+    ``vectorization_mode="async"`` for those.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenario: str | None = None,
+        backend: str = "analytic",
+        perception: str | None = None,
+        slots: int | None = None,
+        config: FieldTask | None = None,
+        tool: str = "hoe",
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+    ):
+        """Build the environment; see the class."""
+        super().__init__(tool, num_envs, scenario, backend, perception, slots, config, autoreset_mode, render_mode)

@@ -1,0 +1,137 @@
+"""The hoe in PyBullet: one world's decisions driven by the 3-PRRS under its cart."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .....motion import QUINTIC
+from .....simulation.hoe import HoeMachine
+from .....simulation.hoe_model import HoeParameters
+from .....simulation.prrs import PrrsMotionReport
+from ....core import Array, Rows
+from ...core import WeederOutcome, WeedingCore
+from ...rules import WAIT, WeederPlan
+from .config import HoeProcessConfig, HoeWeedingConfig
+
+_LOOK_EVERY = 6
+"""Steps between two looks at the blade while it stirs: forty a second."""
+
+
+class PyBulletHoe:
+    """Executor that drives the closed-loop machine of one world, soil resisting the blade.
+
+    The cart keeps its speed, so its frame is as good as the ground's: the machine is driven in it. Phases are cut to
+    whole steps: a decision takes up to one step longer than its plan.
+    """
+
+    def __init__(self, core: WeedingCore, config: HoeWeedingConfig):
+        """Build the machine for the rules' single world."""
+        if core.worlds != 1:
+            raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
+        self._core, self._hoe = core, config.process
+        self._machine = HoeMachine(hoe_parameters(config))
+        self._dt = 1.0 / self._machine.parameters.physics_hz
+        self.last_report: PrrsMotionReport | None = None
+
+    def reset_rows(self, rows: Rows) -> None:
+        """Put the machine where the rules say it stands, its blade up."""
+        if len(rows):
+            state = self._core.state
+            along, _, across = state.place[0]
+            tip = np.array([[along, across, self._hoe.clearance_m]])
+            self._machine.reset(poses(self._machine.parameters, tip, state.cart[:1])[0])
+
+    def execute(self, plan: WeederPlan) -> WeederOutcome:
+        """Drive the motion and say where the blade's circle really was, on average, while it stirred."""
+        phases = plan.phases_s.copy()
+        nominal_s = float(phases.sum())
+        works = bool(plan.kind[0] < WAIT)
+        steps = max(int(np.ceil(nominal_s / self._dt - 1e-9)), 1)
+        # What is missing to a whole step is spent before the work: the blade waits over the plant.
+        phases[0, 1 if works else -1] += steps * self._dt - nominal_s
+        time = self._dt * np.arange(steps + 1, dtype=np.float64)
+        tip = tip_way(self._hoe, plan, phases, time)
+        speed = float(plan.speed[0, 0])
+        cart = float(plan.cart[0]) + speed * time
+        pose = poses(self._machine.parameters, tip, cart)
+        stirring = np.zeros(steps + 1, bool)
+        if works:
+            first, last = (float(phases[0, :n].sum()) for n in (3, 4))
+            stirring[int(np.ceil(first / self._dt)) : int(last / self._dt) + 1 : _LOOK_EVERY] = True
+        errors: list[Array] = []
+
+        def look(row: int) -> None:
+            if stirring[row]:
+                errors.append(self._machine.platform()[0][:2] - pose[row, :2])
+
+        self.last_report = self._machine.hoe(pose, speed, look)
+        hit = plan.aim + np.mean(errors, axis=0) if errors else plan.aim
+        return WeederOutcome(phases, hit)
+
+    def close(self) -> None:
+        """Close the world; idempotent."""
+        self._machine.close()
+
+
+def hoe_parameters(config: HoeWeedingConfig) -> HoeParameters:
+    """The machine's parameters under the configuration's hoe and camera."""
+    hoe = config.process
+    return HoeParameters(
+        blade_radius_m=hoe.blade_radius_m,
+        soil_resistance_pa=hoe.soil_resistance_pa,
+        camera_ahead_m=config.cart.camera_ahead_m,
+    )
+
+
+def poses(parameters: HoeParameters, tip: Array, cart_m: Array) -> Array:
+    """Level poses (n, 6) of the mechanism for world places (n, 3) of the blade's underside, carts at (n,)."""
+    pose = np.zeros((len(tip), 6))
+    pose[:, 0] = tip[:, 0] - cart_m
+    pose[:, 1] = tip[:, 1]
+    pose[:, 2] = tip[:, 2] - parameters.lowest_tip_m
+    return pose
+
+
+def tip_way(hoe: HoeProcessConfig, plan: WeederPlan, phases_s: Array, time_s: Array) -> Array:
+    """World places (n, 3) of the blade's underside in one world's decision at times (n,) from its beginning.
+
+    The move, stretched over the wait for the weed's entering the window, is a straight line over ground at the
+    clearance. The plunge ends on the circle, the lift begins there and ends over its middle.
+    """
+    move_s = float(phases_s[0, 0] + phases_s[0, 1])
+    start, target = plan.start[0, [0, 2]], plan.target[0, [0, 2]]
+    tip = np.empty((len(time_s), 3))
+    tip[:, :2] = start + QUINTIC.sample(time_s, 1.0, move_s).position[:, None] * (target - start)
+    tip[:, 2] = hoe.clearance_m
+    mode = int(plan.kind[0])
+    if mode < WAIT:
+        plunge_s, stir_s, lift_s = (float(seconds) for seconds in phases_s[0, 2:5])
+        down = QUINTIC.sample(time_s - move_s, 1.0, plunge_s).position
+        up = QUINTIC.sample(time_s - move_s - plunge_s - stir_s, 1.0, lift_s).position
+        angle = 2.0 * np.pi * QUINTIC.sample(time_s - move_s - plunge_s, 1.0, stir_s).position
+        radius = hoe.stir_radius_m[mode] * (down - up)
+        tip[:, 0] += radius * np.cos(angle)
+        tip[:, 1] += radius * np.sin(angle)
+        tip[:, 2] -= (hoe.clearance_m + hoe.depth_m[mode]) * (down - up)
+    return tip
+
+
+def check_reach(
+    parameters: HoeParameters, hoe: HoeProcessConfig, travel_m: float, half_width_m: float, excess_m: float
+) -> dict[str, float]:
+    """Smallest margins of the mechanism over all that the hoe may command, metres and radians.
+
+    Args:
+        parameters: the machine.
+        hoe: depths and clearance; the largest circle is added to both ranges.
+        travel_m: range of the blade before and behind the cart's middle while it works.
+        half_width_m: range to either side.
+        excess_m: how far moves may overshoot ``travel_m``.
+    """
+    circle = max(hoe.stir_radius_m)
+    x = np.linspace(-1.0, 1.0, 25) * (travel_m + max(circle, excess_m))
+    y = np.linspace(-1.0, 1.0, 25) * (half_width_m + circle)
+    z = np.array([-max(hoe.depth_m), hoe.clearance_m])
+    tip = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
+    margins = parameters.mechanism.margins(poses(parameters, tip, np.zeros(len(tip))))
+    return {name: float(values.min()) for name, values in margins.items()}

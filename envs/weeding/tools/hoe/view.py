@@ -1,0 +1,45 @@
+"""The hoe's strip as its camera and people see it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ....core import Array
+from ...core import WeedingCore
+from ...rules import WeederPlan
+from ...view import FieldView, Show
+from .config import HoeWeedingConfig
+from .machine import hoe_parameters, poses, tip_way
+from .scene import HoeScene
+
+
+class HoeView(FieldView[HoeScene]):
+    """Scenes of the hoe; see ``FieldView``."""
+
+    def __init__(self, core: WeedingCore, config: HoeWeedingConfig, window: bool = False):
+        """Build nothing yet: scenes come with the first look or picture."""
+        super().__init__(core, window)
+        self._config, self._parameters = config, hoe_parameters(config)
+
+    def make_scene(self, machine: bool) -> HoeScene:
+        """A scene for the camera, or one for people with the machine in it."""
+        return HoeScene(self._config, self._parameters, window=machine and self._window, machine=machine)
+
+    def standing(self) -> Show[HoeScene]:
+        """The machine as it stands now, its blade up."""
+        state = self._core.state
+        along, _, across = state.place[0]
+        return self._show(float(state.cart[0]), np.array([along, across, self._config.process.clearance_m]))
+
+    def moving(self, plan: WeederPlan, phases_s: Array, time_s: Array) -> Iterator[Show[HoeScene]]:
+        """The machine at times (n,) of a decision."""
+        tip = tip_way(self._config.process, plan, phases_s, time_s)
+        cart = plan.cart[0] + plan.speed[0, 0] * time_s
+        for x, place in zip(cart.tolist(), tip, strict=True):
+            yield self._show(x, place)
+
+    def _show(self, cart_m: float, tip: Array) -> Show[HoeScene]:
+        pose = poses(self._parameters, tip[None], np.array([cart_m]))[0]
+        return lambda scene: scene.set_machine(cart_m, pose)

@@ -1,0 +1,1 @@
+"""The laser on the 3UPS-RPU platform."""

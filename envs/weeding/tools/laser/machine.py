@@ -1,0 +1,115 @@
+"""What carries a weeding plan out: the plan's own word, or the machine in PyBullet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .....motion import QUINTIC
+from .....simulation.weeder import WeederMachine, WeederReport
+from .....simulation.weeder_model import WeederParameters
+from ....core import Array, Rows
+from ...config import WeedingConfig
+from ...core import WeederOutcome, WeedingCore
+from ...rules import WAIT, WeederPlan, ways_of
+from .aim import LaserReach, poses
+
+_LOOK_EVERY = 6
+"""Steps between two looks at the beam while it burns: forty a second."""
+
+
+class AnalyticWeeder:
+    """Executor that takes the plan's word: nominal phase times, the tool exactly where it was set."""
+
+    def reset_rows(self, rows: Rows) -> None:
+        """Nothing to prepare."""
+
+    def execute(self, plan: WeederPlan) -> WeederOutcome:
+        """What the plan says."""
+        return WeederOutcome(plan.phases_s, plan.aim)
+
+    def close(self) -> None:
+        """Nothing to free."""
+
+
+class PyBulletWeeder:
+    """Executor that drives the closed-loop machine of one world; the cart moves in every step.
+
+    Phases are cut to whole steps: a decision takes up to one step longer than its plan.
+    """
+
+    def __init__(self, core: WeedingCore, config: WeedingConfig):
+        """Build the machine for the rules' single world."""
+        if core.worlds != 1:
+            raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
+        self._core, self._config = core, config
+        self._machine = WeederMachine(weeder_parameters(config))
+        self._dt = 1.0 / self._machine.parameters.physics_hz
+        self.last_report: WeederReport | None = None
+
+    def reset_rows(self, rows: Rows) -> None:
+        """Put the machine where the rules say it stands, its cart driving already."""
+        if len(rows):
+            state = self._core.state
+            cart = state.cart[:1]
+            pose = poses(self._config.reach, state.place[:1], cart)[0]
+            self._machine.reset(float(cart[0]), pose, float(state.speed[0]))
+
+    def execute(self, plan: WeederPlan) -> WeederOutcome:
+        """Drive the motion, follow for the time of the work, and say where the beam was while it burned."""
+        config, dt = self._config, self._dt
+        phases = plan.phases_s.copy()
+        nominal_s = float(phases.sum())
+        steps = max(int(np.ceil(nominal_s / dt - 1e-9)), 1)
+        # What is missing to a whole step is spent before the work: the machine stands where it will work.
+        phases[0, 1 if plan.kind[0] < WAIT else -1] += steps * dt - nominal_s
+        time = dt * np.arange(steps + 1, dtype=np.float64)
+        cart, beam = trajectory(config, plan, phases, time)
+        burning = np.zeros(steps + 1, bool)
+        works = bool(plan.kind[0] < WAIT)
+        if works:
+            first = round((steps * dt - float(phases[0, 3])) / dt) + 1
+            burning[first::_LOOK_EVERY] = True
+        reach = config.reach
+        report = self._machine.run(cart, poses(reach, beam, cart), reach.target_height_m, burning)
+        self.last_report = report
+        hit = plan.aim
+        if works:
+            seen = report.beam[burning]
+            hit = (seen if len(seen) else report.beam[-1:]).mean(axis=0, keepdims=True)
+        return WeederOutcome(phases, hit)
+
+    def close(self) -> None:
+        """Close the world; idempotent."""
+        self._machine.close()
+
+
+def weeder_parameters(config: WeedingConfig) -> WeederParameters:
+    """The machine's parameters under the configuration's reach and cameras."""
+    return WeederParameters(base_height_m=config.reach.base_height_m, camera_ahead_m=config.cart.camera_ahead_m)
+
+
+def trajectory(config: WeedingConfig, plan: WeederPlan, phases_s: Array, time_s: Array) -> tuple[Array, Array]:
+    """Cart positions (n,) and beam coordinates (n, 3) of one world's decision at times (n,) from its beginning.
+
+    The move is stretched over the wait for the weed's entering the window, so the machine arrives with it.
+    """
+    move_s = float(phases_s[0, 0] + phases_s[0, 1])
+    before, after = plan.speed[0].tolist()
+    way = ways_of(before, after, config.cart.acceleration_m_s2, time_s)
+    share = QUINTIC.sample(time_s, 1.0, move_s).position
+    start, target = plan.start[0], plan.target[0]
+    return plan.cart[0] + way, start + share[:, None] * (target - start)
+
+
+def check_reach(reach: LaserReach, excess_m: float = 0.05) -> dict[str, float]:
+    """Smallest margins of ``ThreeUPSRPU.weeder()`` over all that the aim may command, metres and radians.
+
+    Args:
+        reach: ranges of the aim.
+        excess_m: how far moves may overshoot the range of X.
+    """
+    x = np.linspace(-1.0, 1.0, 11) * (reach.travel_m + excess_m)
+    lean, across = np.linspace(-1.0, 1.0, 11) * reach.lean_m, np.linspace(-1.0, 1.0, 11) * reach.half_width_m
+    grid = np.stack(np.meshgrid(x, lean, across, indexing="ij"), axis=-1).reshape(-1, 3)
+    margins = WeederParameters().mechanism.margins(poses(reach, grid, np.zeros(len(grid))))
+    return {name: float(values.min()) for name, values in margins.items()}
