@@ -70,7 +70,7 @@ def test_blocks_repeat_the_scheme_and_a_permutation_moves_slots_alone():
 
 @pytest.mark.parametrize("time_limit_ends", [False, True])
 def test_sb3_env_equals_the_native_one(time_limit_ends):
-    sb3 = pytest.importorskip("fieldgym.agents.sb3")
+    sb3 = pytest.importorskip("fieldgym.agents.learning.sb3")
     worlds = 16
     native = gym.make_vec(
         ID, worlds, vectorization_mode="vector_entry_point", autoreset_mode="SameStep", scenario="row-dense"
@@ -105,7 +105,7 @@ def test_sb3_env_equals_the_native_one(time_limit_ends):
 
 
 def test_sb3_env_answers_what_learners_ask():
-    sb3 = pytest.importorskip("fieldgym.agents.sb3")
+    sb3 = pytest.importorskip("fieldgym.agents.learning.sb3")
     from sb3_contrib.common.maskable.utils import get_action_masks, is_masking_supported
     from stable_baselines3.common.evaluation import evaluate_policy
     from stable_baselines3.common.vec_env import VecCheckNan
@@ -140,7 +140,7 @@ def test_sb3_env_answers_what_learners_ask():
 @pytest.fixture(scope="module", params=[0, 4], ids=["pooling", "relations"])
 def learner(request):
     """A few updates of MaskablePPO with the set policy."""
-    sb3 = pytest.importorskip("fieldgym.agents.sb3")
+    sb3 = pytest.importorskip("fieldgym.agents.learning.sb3")
     import torch
     from sb3_contrib import MaskablePPO
 
@@ -222,7 +222,8 @@ sys.meta_path.insert(0, Absent())
 import gymnasium as gym, numpy as np
 from pathlib import Path
 import fieldgym
-from fieldgym.agents import act_single, portable
+from fieldgym.agents import act_single
+from fieldgym.agents.learning import portable
 env = gym.make({ID!r}, backend="analytic")
 policy = portable.load_for(Path({str(tmp_path / "p.npz")!r}), env)
 observation, info = env.reset(seed=0)
