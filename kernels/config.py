@@ -20,7 +20,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field
 from typing import Any, NoReturn, TypeVar
 
-from .config_kinds import DECLARED, ConfigError, Declaration, assemble, entries, first_line, plain, show
+from .config_fields import DECLARED, assemble, entries, plain
+from .config_kinds import ConfigError, Declaration, one_line, show
 
 __all__ = [
     "Config",
@@ -116,7 +117,7 @@ class Config:
         except ConfigError:
             raise
         except (ValueError, ArithmeticError) as error:
-            raise ConfigError("", f": {first_line(error)}", owner) from error
+            raise ConfigError("", f": {one_line(str(error))}", owner) from error
 
     def check(self) -> None:
         """Rules between fields, for subclasses to fill; one that inherits rules calls ``super().check()`` first."""
@@ -156,7 +157,13 @@ def from_mapping(cls: type[C], mapping: Mapping[str, Any], base: C | None = None
     """
     if not isinstance(mapping, Mapping):
         raise ConfigError("", f" = {show(mapping)}: give its fields by name", cls.__name__)
-    return assemble(cls, mapping, base)
+    try:
+        return assemble(cls, mapping, base)
+    except ConfigError as error:
+        place = getattr(mapping, "place", None)  # a mapping from a file knows its lines
+        if place is None or error.place:
+            raise
+        raise ConfigError(error.path, error.problem, error.owner, place(error.path)) from None
 
 
 def to_mapping(config: Config) -> dict[str, Any]:

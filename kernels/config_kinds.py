@@ -9,19 +9,15 @@ import re
 import reprlib
 import types
 import typing
-from collections.abc import Mapping
-from dataclasses import MISSING, Field, fields, is_dataclass, replace
-from functools import cache
+from collections.abc import Iterator, Sequence
+from dataclasses import is_dataclass
 from math import inf, isinf
 from typing import Any, NamedTuple
 
 import numpy as np
 
-DECLARED = "declared"
-"""Key of a field's ``Declaration`` in its metadata."""
-_BUILTIN = (int, float, bool, str)
-_NAMES_SHOWN = 12
-
+_SHOWN = 120
+"""Longest value that an error repeats, in characters."""
 _shorten = reprlib.Repr()
 _shorten.maxstring = _shorten.maxother = 60
 _shorten.maxlevel = 3
@@ -33,22 +29,24 @@ class ConfigError(ValueError):
     Attributes:
         path: the field, dotted where it is nested; empty if the configuration as a whole is wrong.
         problem: the rest of the line.
-        owner: class of the configuration, empty if ``path`` begins at the outermost one.
+        owner: class of the configuration; empty if the path says enough.
+        place: file and line that the value comes from, or empty.
     """
 
-    def __init__(self, path: str, problem: str, owner: str = "") -> None:
+    def __init__(self, path: str, problem: str, owner: str = "", place: str = "") -> None:
         """Compose the line; runs of white space, line ends with them, become one space."""
-        self.path, self.problem, self.owner = path, " ".join(("." + problem).split())[1:], owner
-        super().__init__(path, problem, owner)
+        self.path, self.problem, self.owner, self.place = path, one_line("." + problem)[1:], owner, place
+        super().__init__(path, problem, owner, place)
 
     def __str__(self) -> str:
         """The line."""
-        return ".".join(filter(None, (self.owner, self.path))) + self.problem
+        name = ".".join(filter(None, (self.owner, self.path)))
+        return (f"{self.place}: " if self.place else "") + (name + self.problem if name else self.problem.lstrip(": "))
 
     def inside(self, part: str, owner: str = "") -> ConfigError:
         """The same error seen from one level above, where its place is called ``part``."""
         joint = "." if self.path and part and not self.path.startswith("[") else ""
-        return ConfigError(part + joint + self.path, self.problem, owner)
+        return ConfigError(part + joint + self.path, self.problem, owner, self.place)
 
 
 class Declaration(NamedTuple):
@@ -61,6 +59,11 @@ class Declaration(NamedTuple):
     choices: tuple[str, ...] = ()
 
 
+def one_line(text: str) -> str:
+    """A text with single spaces for its white space, line ends with them, and ``?`` for other control characters."""
+    return "".join(letter if letter.isprintable() else "?" for letter in " ".join(text.split()))
+
+
 def show(value: object) -> str:
     """A value on one short line, whatever it is."""
     if isinstance(value, np.generic):
@@ -68,14 +71,15 @@ def show(value: object) -> str:
     if isinstance(value, int) and abs(value) >= 10**30:
         return f"an integer of {value.bit_length()} bits"
     try:
-        return " ".join(_shorten.repr(value).split())
+        shown = one_line(_shorten.repr(value))
     except Exception:  # a repr that fails must not hide the error that shows it
-        return f"a {type(value).__name__}"
+        shown = f"a {type(value).__name__}"
+    return shown if len(shown) <= _SHOWN else shown[: _SHOWN - 3] + "..."
 
 
-def first_line(error: BaseException) -> str:
-    """What an exception says, on one line."""
-    return " ".join(str(error).split()) or type(error).__name__
+def label(name: str) -> str:
+    """A name as an error repeats it: as it is if it could be a field's."""
+    return name if len(name) <= _SHOWN and all(map(str.isidentifier, name.split("."))) else show(name)
 
 
 class Kind:
@@ -90,14 +94,6 @@ class Kind:
             ConfigError: the value is not allowed.
         """
         raise NotImplementedError
-
-    def build(self, value: Any, current: Any) -> Any:
-        """``value`` with the mappings in it made configurations, on top of ``current`` where that is one."""
-        return value
-
-    def plain(self, value: Any) -> Any:
-        """The value in JSON's types."""
-        return value
 
     def refuse(self, value: object, hint: str = "") -> ConfigError:
         """The error for a value."""
@@ -139,27 +135,21 @@ class Number(Kind):
         if whole:
             if self.low <= value <= self.high and abs(int(value)) < 2**1023 and int(number := float(value)) == value:
                 return number
-            raise self.refuse(value)
+            raise self.refuse(value, ", as a float" if self.low <= value <= self.high else "")
         if isinstance(value, (float, np.floating)):
             return float(value)
         raise self.refuse(value)
 
-    def plain(self, value: Any) -> Any:
-        """The number; JSON has no infinity, so that is a text."""
-        return str(value) if isinstance(value, float) and isinf(value) else value
-
 
 def _spelling(text: str) -> str:
-    """How a number is written that YAML has read as a text."""
-    parts = re.fullmatch(r"\s*([-+]?\d{1,20})(\.\d{0,20})?(?:[eE]([-+]?)(\d{1,3}))?\s*", text)
+    """How to write a number that came as a text, most often because YAML takes 1e-3 for one."""
+    parts = re.fullmatch(r"\s*([-+]?\d{1,20})(\.\d{0,20})?(?:[eE]([-+]?)(\d{1,3}))?\s*", text, re.ASCII)
     if not parts:
         return ""
     whole, fraction, sign, power = parts.groups()
-    return (
-        f": write {whole}{fraction or ''}"
-        if power is None
-        else f": write {whole}{fraction or '.0'}e{sign or '+'}{power}"
-    )
+    if power is None:
+        return f": write {whole}{fraction or ''}"
+    return f": write {whole}{fraction or '.0'}e{sign or '+'}{power}"
 
 
 class Text(Kind):
@@ -176,7 +166,7 @@ class Text(Kind):
     def check(self, value: Any) -> str:
         """A Python ``str``."""
         if isinstance(value, (bool, np.bool_)):
-            raise self.refuse(value, ", a text (YAML reads yes, no, on, off as truth values: put it in quotes)")
+            raise self.refuse(value, ", not a truth value (in YAML put yes, no, on and off in quotes)")
         if not isinstance(value, str) or not value.isprintable() or (self.choices and value not in self.choices):
             raise self.refuse(value)
         return str.__str__(value)
@@ -213,14 +203,6 @@ class Optional(Kind):
                 raise
             raise ConfigError("", error.problem.replace(self.kind.says, self.says, 1)) from None
 
-    def build(self, value: Any, current: Any) -> Any:
-        """As the kind does."""
-        return self.kind.build(value, current)
-
-    def plain(self, value: Any) -> Any:
-        """As the kind does."""
-        return None if value is None else self.kind.plain(value)
-
 
 class Row(Kind):
     """A tuple: of as many values as there are kinds, or of any number of one kind."""
@@ -228,9 +210,9 @@ class Row(Kind):
     def __init__(self, kinds: tuple[Kind, ...], variable: bool) -> None:
         """Wrap the kinds of the values; ``variable``: the only one is that of all."""
         self.kinds, self.variable = kinds, variable
-        self.alike = len({kind.says for kind in kinds}) == 1
+        alike = len({kind.says for kind in kinds}) == 1
         values = "values" if variable else f"{len(kinds)} value{'s' * (len(kinds) != 1)}"
-        each = f"each {kinds[0].says}" if self.alike else ", ".join(kind.says for kind in kinds)
+        each = f"each {kinds[0].says}" if alike else ", ".join(kind.says for kind in kinds)
         self.says = f"{values} ({each})" if kinds else "an empty list"
 
     def check(self, value: Any) -> tuple[Any, ...]:
@@ -241,32 +223,17 @@ class Row(Kind):
             raise self.refuse(value)
         if not self.variable and len(value) != len(self.kinds):
             raise self.refuse(value, f", not {len(value)}")
-        kinds = self.kinds * len(value) if self.variable else self.kinds
         done = []
-        for kind, part in zip(kinds, value, strict=True):
+        for kind, part in self.pairs(value):
             try:
                 done.append(kind.check(part))
             except ConfigError as error:
                 raise error.inside(f"[{len(done)}]") from None
         return tuple(done)
 
-    def build(self, value: Any, current: Any) -> Any:
-        """Each value by itself."""
-        if not isinstance(value, (tuple, list)) or not (self.variable or len(value) == len(self.kinds)):
-            return value
-        kinds = self.kinds * len(value) if self.variable else self.kinds
-        done = []
-        for kind, part in zip(kinds, value, strict=True):
-            try:
-                done.append(kind.build(part, None))
-            except ConfigError as error:
-                raise error.inside(f"[{len(done)}]") from None
-        return done
-
-    def plain(self, value: Any) -> list[Any]:
-        """A list."""
-        kinds = self.kinds * len(value) if self.variable else self.kinds
-        return [kind.plain(part) for kind, part in zip(kinds, value, strict=True)]
+    def pairs(self, value: Sequence[Any]) -> Iterator[tuple[Kind, Any]]:
+        """Each value with its kind; the lengths must fit."""
+        return zip(self.kinds * len(value) if self.variable else self.kinds, value, strict=True)
 
 
 class Nested(Kind):
@@ -282,14 +249,6 @@ class Nested(Kind):
         if not isinstance(value, self.type):
             raise self.refuse(value)
         return value
-
-    def build(self, value: Any, current: Any) -> Any:
-        """An instance from a mapping of its fields."""
-        return assemble(self.type, value, current) if isinstance(value, Mapping) and is_dataclass(self.type) else value
-
-    def plain(self, value: Any) -> Any:
-        """Its fields by name."""
-        return plain(value) if is_dataclass(value) else str(value)
 
 
 def kind_of(type_: Any, declared: Declaration) -> Kind:
@@ -315,125 +274,6 @@ def kind_of(type_: Any, declared: Declaration) -> Kind:
         return Text(declared.choices)
     elif type_ is int or type_ is float:
         return Number(type_, declared)
-    elif isinstance(type_, type) and type_.__module__ != "builtins" and type_.__hash__ is not None:
+    elif isinstance(type_, type) and is_dataclass(type_) and type_.__hash__ is not None:
         return Nested(type_)
     raise TypeError(f"a configuration cannot hold {type_}: use numbers, texts, tuples, frozen dataclasses, or None")
-
-
-class Entry(NamedTuple):
-    """One field of a configuration: its name, what it may hold, what was declared, its default or ``MISSING``."""
-
-    name: str
-    kind: Kind
-    declared: Declaration
-    default: Any
-    type: Any
-
-
-@cache
-def entries(cls: type) -> dict[str, Entry]:
-    """Fields of a dataclass by name, in order.
-
-    Raises:
-        TypeError: a field of a configuration is not declared, or its type is not supported.
-    """
-    bare = [name for name, value in vars(cls).items() if isinstance(value, Field)]
-    if bare:
-        raise TypeError(f"{cls.__name__}.{bare[0]}: put @dataclass(frozen=True) over the class")
-    hints = typing.get_type_hints(cls)
-    found = {}
-    for item in fields(cls):
-        if not item.init:
-            continue
-        declared = item.metadata.get(DECLARED)
-        if declared is None:
-            if hasattr(cls, "refuse"):
-                raise TypeError(f"{cls.__name__}.{item.name}: declare it by num, choice, flag, text or nested")
-            declared = Declaration()
-        try:
-            kind = kind_of(hints[item.name], declared)
-        except TypeError as error:
-            raise TypeError(f"{cls.__name__}.{item.name}: {error}") from None
-        default = item.default if item.default_factory is MISSING else item.default_factory()
-        found[item.name] = Entry(item.name, kind, declared, default, hints[item.name])
-    return found
-
-
-def plain(config: Any) -> dict[str, Any]:
-    """The fields of a dataclass by name, in JSON's types."""
-    return {entry.name: entry.kind.plain(getattr(config, entry.name)) for entry in entries(type(config)).values()}
-
-
-def assemble(cls: type, mapping: Mapping[Any, Any], current: Any) -> Any:
-    """An instance with the fields of ``mapping``; the others are those of ``current``, or the defaults if it is None.
-
-    Raises:
-        ConfigError: unknown or missing names, or values that are not allowed; its path begins below ``cls``.
-    """
-    cls = cls if current is None else type(current)
-    table = entries(cls)
-    changes = {}
-    for name, value in _tree(mapping).items():
-        if name not in table:
-            raise ConfigError(name if name.isidentifier() else show(name), f": {_unknown(name, cls)}")
-        kind, default = table[name].kind, table[name].default
-        before = getattr(current, name) if current is not None else None if default is MISSING else default
-        try:
-            changes[name] = kind.check(kind.build(value, before))
-        except ConfigError as error:
-            raise error.inside(name) from None
-    missing = [name for name, entry in table.items() if entry.default is MISSING and name not in changes]
-    if current is None and missing:
-        wanted = "; ".join(f"{name}: {table[name].kind.says}" for name in missing)
-        raise ConfigError("", f" is incomplete: give {wanted}", cls.__name__)
-    try:
-        return cls(**changes) if current is None else replace(current, **changes)
-    except ConfigError as error:
-        raise error.inside("") from None
-    except (ValueError, ArithmeticError) as error:
-        raise ConfigError("", f": {first_line(error)}", cls.__name__) from error
-
-
-def _tree(mapping: Mapping[Any, Any]) -> dict[str, Any]:
-    """Dotted names become mappings of their first parts."""
-    tree: dict[str, Any] = {}
-    for key, value in mapping.items():
-        if not isinstance(key, str):
-            raise ConfigError(show(key), ": a name must be a text")
-        head, dot, rest = key.partition(".")
-        if dot:
-            value = {rest: value}
-        if head in tree:
-            first = tree[head]
-            if not isinstance(first, Mapping) or not isinstance(value, Mapping) or first.keys() & value.keys():
-                raise ConfigError(key if key.isprintable() else show(key), ": given twice: give it once")
-            value = {**first, **value}
-        tree[head] = value
-    return tree
-
-
-def _unknown(name: str, cls: type) -> str:
-    from difflib import get_close_matches
-
-    deeper = [path for path in dotted(cls) if path.endswith("." + name)]
-    near = deeper or get_close_matches(name[:100], list(entries(cls)), 1)
-    if near:
-        return f"no such field: did you mean {' or '.join(near[:3])}?"
-    names = list(entries(cls))
-    more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
-    return f"no such field: choose from {', '.join(names[:_NAMES_SHOWN])}{more}"
-
-
-def dotted(cls: type) -> list[str]:
-    """Dotted names of all fields, those of nested dataclasses in the place of the field that holds them."""
-    names = []
-    for entry in entries(cls).values():
-        inner = nested_type(entry.kind)
-        names += [entry.name] if inner is None else [f"{entry.name}.{name}" for name in dotted(inner)]
-    return names
-
-
-def nested_type(kind: Kind) -> type | None:
-    """The dataclass that a field holds, if it holds one."""
-    kind = kind.kind if isinstance(kind, Optional) else kind
-    return kind.type if isinstance(kind, Nested) and is_dataclass(kind.type) else None

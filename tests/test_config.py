@@ -2,22 +2,687 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import nan
+import copy
+import json
+import pickle
+from dataclasses import FrozenInstanceError, dataclass, field, fields, replace
+from decimal import Decimal
+from fractions import Fraction
+from functools import cached_property
+from math import inf, isnan, nan
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from fieldgym.kernels.config import Config, ConfigError, num
+from fieldgym.kernels import config_files
+from fieldgym.kernels.config import (
+    Config,
+    ConfigError,
+    choice,
+    flag,
+    from_mapping,
+    nested,
+    num,
+    override,
+    text,
+    to_mapping,
+)
+from fieldgym.kernels.config_files import MAX_BYTES, MAX_DEPTH, load_yaml, parse_yaml
+from fieldgym.kernels.config_tables import rows, schema
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A machine's geometry, no configuration: it checks itself."""
+
+    lengths_m: tuple[float, float] = (0.175, 0.350)
+    hangs: bool = True
+
+    def __post_init__(self) -> None:
+        if min(self.lengths_m) <= 0.0:
+            raise ValueError(f"lengths_m = {self.lengths_m}:\ngive lengths > 0")
 
 
 @dataclass(frozen=True)
 class Process(Config):
-    """One field of the safflower picker."""
+    """Picking one head.
+
+    More than the first paragraph.
+    """
 
     locate_s: float = num(7.304, 0.0, 600.0, "s", "Locating one head [identified: 16 s per head].")
+    strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "", "Shear strokes over the head [assumed].")
+    power_w: float | None = num(None, 1e-3, 1e4, "W", "Optical power [assumed], if [published range 5-200] is known.")
+    corner_m: float = num(inf, 1e-6, inf, "m", "Largest corner radius.")
+    recall: tuple[tuple[float, ...], ...] = num(((0, 1), (0.5,)), 0, 1, "", "By stage.")
+    mode: str = choice("fast", ("fast", "slow"), "How.")
+    law: Literal["quintic", "septic"] = choice("quintic", ("quintic", "septic"), "Motion law.")
+
+    def check(self) -> None:
+        """Strokes ascend."""
+        if list(self.strokes) != sorted(self.strokes):
+            self.refuse("strokes", "give them in ascending order")
+
+    @cached_property
+    def total(self) -> int:
+        """All strokes."""
+        return sum(self.strokes)
 
 
-def test_the_refusal_names_field_value_range_and_unit() -> None:
+@dataclass(frozen=True)
+class Tray(Config):
+    """A tray [all assumed]."""
+
+    cells: int = num(..., 1, 1000, "", "Cells.")
+    name: str = text(..., "Name.")
+
+
+@dataclass(frozen=True)
+class Task(Config):
+    """Everything."""
+
+    slots: int = num(..., 1, 64, "", "Candidates.")
+    tray: Tray = nested(..., "The tray.")
+    process: Process = nested(Process, "Picking.")
+    slow: Process = nested(Process(locate_s=30.0), "Slow picking.")
+    arm: Arm = nested(Arm, "Geometry.")
+    spares: tuple[Tray, ...] = nested((), "Further trays.")
+    other: Tray | None = nested(None, "Another tray.")
+    potted: bool = flag(False, "Whether the plants stand in pots.")
+
+    def check(self) -> None:
+        """Rules between the parts."""
+        if self.tray.cells < self.slots:
+            self.refuse("tray.cells", f"give {self.slots} at least")
+        if self.slots == 13:
+            raise OverflowError("unlucky\nnumber")
+
+
+TASK = Task(4, Tray(72, "a"))
+
+
+def refusal(make: Any, *arguments: Any, **values: Any) -> str:
+    """The line that a refusal prints."""
     with pytest.raises(ConfigError) as caught:
-        Process(locate_s=nan)
-    assert str(caught.value) == "Process.locate_s = nan: give a number in [0, 600] s"
+        make(*arguments, **values)
+    line = str(caught.value)
+    assert isinstance(caught.value, ValueError)
+    assert line.isprintable(), line
+    assert len(line) < 500
+    assert str(pickle.loads(pickle.dumps(caught.value))) == line
+    return line
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"locate_s": nan}, "locate_s = nan: give a number in [0, 600] s"),
+        ({"locate_s": -inf}, "locate_s = -inf: give a number in [0, 600] s"),
+        ({"locate_s": np.float32(inf)}, "locate_s = inf: give a number in [0, 600] s"),
+        ({"locate_s": -0.1}, "locate_s = -0.1: give a number in [0, 600] s"),
+        ({"locate_s": None}, "locate_s = None: give a number in [0, 600] s"),
+        ({"locate_s": True}, "locate_s = True: give a number in [0, 600] s, not a truth value"),
+        ({"locate_s": "1e-3"}, "locate_s = '1e-3': give a number in [0, 600] s, not a text: write 1.0e-3"),
+        ({"locate_s": "2.5e3"}, "locate_s = '2.5e3': give a number in [0, 600] s, not a text: write 2.5e+3"),
+        ({"locate_s": "7.3"}, "locate_s = '7.3': give a number in [0, 600] s, not a text: write 7.3"),
+        ({"locate_s": "inf"}, "locate_s = 'inf': give a number in [0, 600] s, not a text"),
+        ({"locate_s": 10**400}, "locate_s = an integer of 1329 bits: give a number in [0, 600] s"),
+        ({"locate_s": 10**9000}, "locate_s = an integer of 29898 bits: give a number in [0, 600] s"),
+        ({"power_w": 0.0}, "power_w = 0.0: give a number in [0.001, 10000] W or None"),
+        ({"corner_m": 2**53 + 1}, "corner_m = 9007199254740993: give a number in [1e-06, inf] m, as a float"),
+        ({"corner_m": 10**400}, "corner_m = an integer of 1329 bits: give a number in [1e-06, inf] m, as a float"),
+        ({"corner_m": "-inf"}, "corner_m = '-inf': give a number in [1e-06, inf] m, not a text"),
+        ({"strokes": (1, 2)}, "strokes = (1, 2): give 3 values (each a whole number in [0, 50]), not 2"),
+        ({"strokes": 1}, "strokes = 1: give 3 values (each a whole number in [0, 50])"),
+        ({"strokes": "123"}, "strokes = '123': give 3 values (each a whole number in [0, 50])"),
+        ({"strokes": (1, 2, 3.0)}, "strokes[2] = 3.0: give a whole number in [0, 50], without a decimal point"),
+        ({"strokes": (1, 2, 51)}, "strokes[2] = 51: give a whole number in [0, 50]"),
+        ({"strokes": (3, 2, 1)}, "strokes = (3, 2, 1): give them in ascending order"),
+        ({"recall": ((0.5, 0.5), (0.1, 1.5))}, "recall[1][1] = 1.5: give a number in [0, 1]"),
+        ({"mode": "quick"}, "mode = 'quick': give 'fast' or 'slow'"),
+        ({"mode": "x\n\x1b[31m"}, r"mode = 'x\n\x1b[31m': give 'fast' or 'slow'"),
+        ({"law": "cubic"}, "law = 'cubic': give 'quintic' or 'septic'"),
+    ],
+)
+def test_a_refusal_names_field_value_range_unit_and_what_to_do(values: dict[str, Any], line: str) -> None:
+    assert refusal(Process, **values) == f"Process.{line}"
+    assert refusal(replace, Process(), **values) == f"Process.{line}"
+    assert refusal(override, TASK, {f"process.{name}": value for name, value in values.items()}) == f"process.{line}"
+    assert refusal(from_mapping, Process, values) == line
+
+
+def test_refusals_of_the_other_kinds() -> None:
+    assert refusal(replace, TASK, potted=1) == "Task.potted = 1: give true or false"
+    assert refusal(replace, TASK, tray=72) == "Task.tray = 72: give a Tray"
+    assert refusal(replace, TASK, tray=Tray).endswith("give a Tray")
+    assert refusal(replace, TASK, other=Arm()).endswith("give a Tray or None")
+    assert refusal(replace, TASK, arm=Process()).endswith("give a Arm")
+    assert refusal(replace, TASK, spares=(Tray(1, "x"), None)) == "Task.spares[1] = None: give a Tray"
+    assert refusal(Tray, 1, "two\nlines") == r"Tray.name = 'two\nlines': give a text of printable characters"
+    assert refusal(Tray, 1, False).endswith("characters, not a truth value (in YAML put yes, no, on and off in quotes)")
+    assert refusal(Tray, 1, b"x") == "Tray.name = b'x': give a text of printable characters"
+    assert refusal(Task, 5, Tray(4, "a")) == "Task.tray.cells = 4: give 5 at least"
+    assert refusal(Task, 13, Tray(40, "a")) == "Task: unlucky number"
+
+
+# What may come from files, arrays, command lines and mistakes.
+POOL = [
+    *(nan, inf, -inf, None, True, False, "", "x", "7.3", "1e-3", "no", "inf", b"1", 0, 1, -1, 2, 16, 16.0, 0.5, -0.0),
+    *(1e-320, 1.8e308, 1e300, 10**400, -(10**9000), 2**53 + 1, 1j, Decimal(1), Fraction(1, 2), ..., object, object()),
+    *(
+        (),
+        [],
+        {},
+        set(),
+        [1],
+        (1, 2, 3),
+        [1, 2, 3],
+        [1, 2.0, 3],
+        ["1", 2, 3],
+        (1, 2),
+        range(3),
+        iter([1]),
+        [[1], [0.5]],
+    ),
+    *([[[]]], [None], [nan], {"cells": 1}, {"cells": 1, "name": "x"}, {1: 2}, {"a.b": 1}, [{"cells": 1, "name": "x"}]),
+    *(np.int64(3), np.uint64(2**64 - 1), np.int8(-1), np.float64(0.5), np.float32(0.1), np.float16(1), np.bool_(True)),
+    *(np.longdouble(1), np.str_("fast"), np.timedelta64(3), np.datetime64("2024-01-01"), np.complex128(1)),
+    *(np.array(1.0), np.arange(3), np.ones(3), np.ones((2, 2)), np.array([True] * 3), np.array(["a"] * 3)),
+    *(np.array([nan] * 3), np.array([1, None, 2], object), np.zeros((0, 3)), np.ma.masked_all(3)),
+    *(Arm(), Process(), Tray(1, "x"), Tray, Process, "fast", "slow", "septic", "\ud800", "a" * 10**5, [0] * 10**4),
+]
+
+
+class Hostile:
+    """Its repr fails, and so does everything else."""
+
+    def __repr__(self) -> str:
+        raise RuntimeError("no\nrepr")
+
+    __str__ = __eq__ = __hash__ = __float__ = __int__ = __index__ = __len__ = __iter__ = __repr__  # type: ignore
+
+
+class Loud:
+    """Its repr has many lines."""
+
+    def __repr__(self) -> str:
+        return "\n\x1b[31m" * 300
+
+
+def holds(value: Any, annotation: Any) -> bool:
+    """Whether a value has exactly the annotated type, down to the last part, and is no NaN."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Literal:
+        return type(value) is str and value in arguments
+    if origin is tuple:
+        kinds = arguments[:1] * len(value) if arguments[-1] is ... else arguments
+        return type(value) is tuple and len(value) == len(kinds) and all(map(holds, value, kinds))
+    if arguments:  # optional
+        return any(value is None if part is type(None) else holds(value, part) for part in arguments)
+    return type(value) is annotation and not (annotation is float and isnan(value))
+
+
+def try_value(config: Config, name: str, value: Any) -> None:
+    """A value is taken as its declared type, or refused in one line that names its field."""
+    cls = type(config)
+    annotation = get_type_hints(cls)[name]
+    full = f"{cls.__name__}.{name}"
+    for way in ("make", "mapping"):
+        try:
+            made = replace(config, **{name: value}) if way == "make" else from_mapping(cls, {name: value}, config)
+        except ConfigError as error:
+            line = str(error)
+            assert line.isprintable()
+            assert len(line) < 500
+            assert line.startswith(full if way == "make" else name) or line.startswith("Task.tray.cells"), line
+            continue
+        assert holds(getattr(made, name), annotation), (name, value)
+        hash(made)
+        again = from_mapping(cls, json.loads(json.dumps(to_mapping(made), allow_nan=False)))
+        assert again == made
+        assert all(holds(getattr(again, item.name), get_type_hints(cls)[item.name]) for item in fields(cls))
+
+
+@pytest.mark.parametrize("config", [Process(), TASK, Tray(72, "a")], ids=lambda config: type(config).__name__)
+def test_every_value_is_taken_as_declared_or_refused_in_one_line(config: Config) -> None:
+    for item in fields(config):
+        for value in [*POOL, Hostile(), [Hostile()], Loud(), [Loud()] * 3]:
+            try_value(config, item.name, value)
+
+
+ANYTHING = st.recursive(
+    st.one_of(
+        st.none(),
+        st.booleans(),
+        st.integers(),
+        st.floats(),
+        st.text(),
+        st.binary(max_size=3),
+        st.integers(0, len(POOL) - 1).map(lambda place: POOL[place]),
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=4), st.tuples(inner, inner, inner), st.dictionaries(st.text(max_size=3), inner)
+    ),
+    max_leaves=12,
+)
+
+
+@given(st.sampled_from([Process(), TASK, Tray(72, "a")]), st.data(), ANYTHING)
+def test_anything_is_taken_as_declared_or_refused_in_one_line(config: Config, data: Any, value: Any) -> None:
+    try_value(config, data.draw(st.sampled_from([item.name for item in fields(config)])), value)
+
+
+NUMBERS = st.one_of(
+    st.integers(-3, 70),
+    st.integers(),
+    st.floats(),
+    st.floats(-1.0, 601.0),
+    st.sampled_from([0, 600, 64, 1, np.nextafter(0.0, -1.0), np.nextafter(600.0, 601.0), 601, 65, 0.0, 600.0]),
+    st.integers(-(2**31), 2**31).map(np.int64),
+    st.floats(width=32).map(np.float32),
+    st.booleans(),
+)
+
+
+@given(NUMBERS)
+def test_a_number_is_taken_exactly_if_it_lies_in_the_range(value: Any) -> None:
+    truth, whole = type(value) is bool, type(value) in (int, np.int64)
+    for make, taken, low, high in (
+        (lambda: Process(locate_s=value).locate_s, not truth, 0, 600),
+        (lambda: replace(TASK, slots=value, tray=Tray(100, "a")).slots, whole and value != 13, 1, 64),
+    ):
+        if taken and low <= value <= high:
+            assert make() == value
+        else:
+            refusal(make)
+
+
+def test_values_come_to_their_declared_types() -> None:
+    made = Process(
+        locate_s=np.float32(0.1),  # type: ignore[arg-type]
+        strokes=np.array([1, 2, 3]),  # type: ignore[arg-type]
+        recall=[[0, np.float64(1)], np.zeros(2)],  # type: ignore[arg-type]
+        mode=np.str_("slow"),
+        power_w=150,
+        corner_m="inf",  # type: ignore[arg-type]
+    )
+    assert made == Process(float(np.float32(0.1)), (1, 2, 3), 150.0, inf, ((0.0, 1.0), (0.0, 0.0)), "slow")
+    assert all(holds(getattr(made, name), hint) for name, hint in get_type_hints(Process).items())
+    assert type(Process().recall[0][0]) is float, "defaults too"
+
+
+def test_configurations_are_values() -> None:
+    assert TASK == Task(4, Tray(72, "a"))
+    assert hash(TASK) == hash(Task(4, Tray(72, "a")))
+    assert copy.deepcopy(TASK) == TASK
+    assert pickle.loads(pickle.dumps(TASK)) == TASK
+    assert Process().total == 6
+    with pytest.raises(FrozenInstanceError):
+        TASK.slots = 5  # type: ignore[misc]
+
+
+def test_overrides_reach_every_level_and_leave_the_rest() -> None:
+    changed = override(
+        TASK,
+        {"process.power_w": 150, "slow": {"locate_s": 31.0}, "arm.hangs": False, "other": {"cells": 2, "name": "b"}},
+    )
+    slow = replace(TASK.slow, locate_s=31.0)
+    expected = replace(TASK, process=Process(power_w=150.0), slow=slow, arm=Arm(hangs=False), other=Tray(2, "b"))
+    assert changed == expected
+    assert TASK == Task(4, Tray(72, "a"))
+    assert override(TASK, {}) == TASK
+    assert override(TASK, {"tray": Tray(9, "z")}).tray == Tray(9, "z")
+    assert override(changed, {"other.cells": 3}).other == Tray(3, "b")
+    assert override(TASK, {"process": {"mode": "slow"}, "process.power_w": 1.0}).process == Process(
+        power_w=1.0, mode="slow"
+    )
+
+
+def test_overrides_are_made_together_before_the_rules_are_checked() -> None:
+    assert (
+        refusal(override, TASK, {"slots": 64}) == "tray.cells = 72: give 64 at least" if TASK.tray.cells < 64 else True
+    )
+    changed = override(replace(TASK, tray=Tray(5, "a")), {"slots": 6, "tray.cells": 7})
+    assert (changed.slots, changed.tray.cells) == (6, 7)
+    assert override(Process(), {"strokes": [4, 5, 6]}).strokes == (4, 5, 6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"proces": 1}, "proces: no such field: did you mean process?"),
+        ({"process.powr_w": 1}, "process.powr_w: no such field: did you mean power_w?"),
+        ({"process": {"powr_w": 1}}, "process.powr_w: no such field: did you mean power_w?"),
+        ({"power_w": 1}, "power_w: no such field: did you mean process.power_w or slow.power_w?"),
+        ({"tray.qq": 1}, "tray.qq: no such field: choose from cells, name"),
+        ({"": 1}, "'': no such field: choose from slots, tray, process, slow, arm, spares, other, potted"),
+        (
+            {"process.": 1},
+            "process.'': no such field: choose from locate_s, strokes, power_w, corner_m, recall, mode, law",
+        ),
+        ({"a b\n": 1}, r"'a b\n': no such field: choose from slots, tray, process, slow, arm, spares, other, potted"),
+        ({1: 2}, "1: a name must be a text"),
+        ({"process.mode": "slow", "process": {"mode": "fast"}}, "process: given twice: give it once"),
+        ({"process": Process(), "process.mode": "slow"}, "process.mode: given twice: give it once"),
+        ({"process.mode.x": 1}, "process.mode = {'x': 1}: give 'fast' or 'slow'"),
+        ({"process.strokes": (3, 2, 1)}, "process.strokes = (3, 2, 1): give them in ascending order"),
+        ({"slots": 60, "tray.cells": 5}, "tray.cells = 5: give 60 at least"),
+        ({"slots": 13}, "Task: unlucky number"),
+        ({"arm.lengths_m": (1, -1)}, "arm: lengths_m = (1.0, -1.0): give lengths > 0"),
+        ({"arm.lengths_m": (1, nan)}, "arm.lengths_m[1] = nan: give a number"),
+        ({"arm.hang": True}, "arm.hang: no such field: did you mean hangs?"),
+        ({"other.cells": 3}, "other is incomplete: give name, a text of printable characters"),
+        (
+            {"spares": [{"cells": 3, "name": "x"}, {"cells": 0, "name": "x"}]},
+            "spares[1].cells = 0: give a whole number in [1, 1000]",
+        ),
+        (3, "Task = 3: give its fields by name"),
+    ],
+)
+def test_a_wrong_override_is_named_in_full(changes: Any, line: str) -> None:
+    assert refusal(override, TASK, changes) == line
+
+
+def test_a_mapping_needs_what_has_no_default() -> None:
+    assert from_mapping(Task, {"slots": 4, "tray.cells": 72, "tray.name": "a"}) == TASK
+    assert from_mapping(Task, {"slots": 4, "tray": {"cells": 72, "name": "a"}, "slow.locate_s": 1}).slow.locate_s == 1.0
+    assert from_mapping(Task, {"slots": 5}, TASK) == replace(TASK, slots=5)
+    line = refusal(from_mapping, Task, {"potted": True})
+    assert line == "Task is incomplete: give slots, a whole number in [1, 64]; tray, a Tray"
+    assert refusal(from_mapping, Task, {"slots": 4, "tray": {"cells": 3}}).startswith("tray is incomplete: give name")
+
+
+TRAYS = st.builds(Tray, st.integers(64, 1000), st.sampled_from(["a", "é", "x y", "", "no", "1e-3"]))
+PROCESSES = st.builds(
+    Process,
+    st.floats(0, 600),
+    st.tuples(st.integers(0, 9), st.integers(10, 20), st.integers(20, 50)),
+    st.none() | st.floats(1e-3, 1e4),
+    st.floats(1e-6, exclude_min=False, allow_nan=False),
+    st.lists(st.lists(st.floats(0, 1), max_size=3), max_size=3),
+    st.sampled_from(["fast", "slow"]),
+)
+TASKS = st.builds(
+    Task,
+    st.integers(1, 12),
+    TRAYS,
+    PROCESSES,
+    arm=st.builds(Arm, st.tuples(st.floats(0.1, 1), st.floats(0.1, 1))),
+    spares=st.lists(TRAYS, max_size=3),
+    other=st.none() | TRAYS,
+    potted=st.booleans(),
+)
+
+
+@given(TASKS)
+def test_round_trips(task: Task) -> None:
+    mapping = to_mapping(task)
+    written = json.dumps(mapping, allow_nan=False)
+    assert from_mapping(Task, json.loads(written)) == task
+    assert override(TASK, json.loads(written)) == task
+    assert mapping["arm"] == {"lengths_m": list(task.arm.lengths_m), "hangs": True}
+    assert [to_mapping(tray) for tray in task.spares] == mapping["spares"]
+    yaml = pytest.importorskip("yaml")
+    assert from_mapping(Task, parse_yaml(yaml.safe_dump(mapping))) == task
+    assert pickle.loads(pickle.dumps(task)) == task
+
+
+def test_rows_list_every_field() -> None:
+    table = {line.name: line for line in rows(Task)}
+    assert list(table)[:4] == ["slots", "tray.cells", "tray.name", "process.locate_s"]
+    assert tuple(table["process.locate_s"])[1:] == (
+        *("float", 7.304, 0.0, 600.0, "s"),
+        *("Locating one head.", "identified: 16 s per head"),
+    )
+    assert table["slow.locate_s"].default == 30.0
+    assert table["slots"].default is ...
+    assert table["tray.cells"].source == "all assumed"
+    assert table["process.power_w"].type == "float | None"
+    assert table["process.power_w"].doc == "Optical power, if is known."
+    assert table["process.power_w"].source == "assumed; published range 5-200"
+    assert table["process.corner_m"].default == "inf"
+    assert (table["process.corner_m"].low, table["process.corner_m"].high) == (1e-6, None)
+    assert table["process.recall"].type == "tuple[tuple[float, ...], ...]"
+    assert table["process.mode"].type == table["process.mode"].type == "'fast' | 'slow'"
+    assert table["process.law"].type == "'quintic' | 'septic'"
+    assert table["spares"].type == "tuple[Tray, ...]"
+    assert table["arm.lengths_m"].type == "tuple[float, float]"
+    assert {line.name: line.default for line in rows(TASK)}["tray.cells"] == 72
+
+
+def test_the_schema_says_what_the_declarations_say() -> None:
+    made = schema(Task)
+    json.dumps(made, allow_nan=False)
+    assert made["title"] == "Task"
+    assert made["required"] == ["slots", "tray"]
+    assert not made["additionalProperties"]
+    process = made["properties"]["process"]["properties"]
+    assert process["locate_s"] == {
+        "type": "number",
+        "minimum": 0.0,
+        "maximum": 600.0,
+        "description": "Locating one head [identified: 16 s per head].",
+        "unit": "s",
+        "default": 7.304,
+    }
+    assert made["properties"]["slow"]["properties"]["locate_s"]["default"] == 30.0
+    assert process["mode"]["enum"] == ["fast", "slow"]
+    assert process["corner_m"]["default"] == "inf"
+    assert schema(Process)["description"] == "Picking one head."
+
+
+def test_the_schema_takes_what_the_configuration_takes() -> None:
+    validator = pytest.importorskip("jsonschema").Draft202012Validator
+    validator.check_schema(schema(Task))
+    check = validator(schema(Task)).is_valid
+    good = to_mapping(replace(TASK, other=Tray(1, "b"), spares=(Tray(2, "c"),)))
+    assert check(good)
+    assert check(to_mapping(TASK))
+    assert check({"slots": 4, "tray": {"cells": 5, "name": "x"}})
+    for name, value in (
+        ("slots", 65),
+        ("slots", 4.5),
+        ("potted", 1),
+        ("tray", {"cells": 5}),
+        ("process", {"strokes": [1, 2]}),
+        ("process", {"strokes": [1, 2, 3, 4]}),
+        ("process", {"corner_m": "-inf"}),
+        ("process", {"mode": "quick"}),
+        ("process", {"recall": [[2.0]]}),
+        ("other", 3),
+        ("unknown", 3),
+    ):
+        assert not check(good | {name: value}), name
+        refusal(from_mapping, Task, good | {name: value})
+    assert validator(schema(TASK)).is_valid({})
+
+
+@pytest.mark.parametrize(
+    ("written", "line"),
+    [
+        (
+            "slots: 4\nprocess:\n  locate_s: 1e-3",
+            "3: process.locate_s = '1e-3': give a number in [0, 600] s, not a text: write 1.0e-3",
+        ),
+        ("slots: 4\n\nprocess.locate_s: .nan", "3: process.locate_s = nan: give a number in [0, 600] s"),
+        (
+            "process:\n  strokes:\n    - 1\n    - 2",
+            "2: process.strokes = [1, 2]: give 3 values (each a whole number in [0, 50]), not 2",
+        ),
+        ("slots: 4\nproces: {}", "2: proces: no such field: did you mean process?"),
+        (
+            "process:\n  mode: no",
+            "2: 'no': YAML reads it as a truth value: write true or false, or put a text in quotes",
+        ),
+        ("on: 1", "1: 'on': YAML reads it as a truth value: write true or false, or put a text in quotes"),
+        (
+            "slots: 1:30",
+            "1: '1:30': YAML reads it otherwise than it looks: write a decimal number, or put a text in quotes",
+        ),
+        (
+            "slots: 010",
+            "1: '010': YAML reads it otherwise than it looks: write a decimal number, or put a text in quotes",
+        ),
+        (
+            "slots: 1_0",
+            "1: '1_0': YAML reads it otherwise than it looks: write a decimal number, or put a text in quotes",
+        ),
+        (
+            "slots: 1:30.5",
+            "1: '1:30.5': YAML reads it otherwise than it looks: write a decimal number, or put a text in quotes",
+        ),
+        ("tray.name: 2024-01-01", "1: '2024-01-01': put a text in quotes"),
+        ("<<: {slots: 1}", "1: '<<': put a text in quotes"),
+        ("a: 1\nb: {c: 1,\n  c: 2}", "3: c is given twice, first in line 2: give it once"),
+        ("'a': 1\na: 2", "2: a is given twice, first in line 1: give it once"),
+        ("1: 2", "1: 1 as a name: names are texts, put it in quotes"),
+        ("? [a]\n: 2", "1: [] as a name: names are texts, put it in quotes"),
+        ("? {a: 1}\n: 2", "1: {} as a name: names are texts, put it in quotes"),
+        (
+            "slots: !!python/object/apply:os.system ['true']",
+            "1: tag 'tag:yaml.org,2002:python/object/apply:os.system': leave tags out",
+        ),
+        ("slots: !!int '3'", "1: tag 'tag:yaml.org,2002:int': leave tags out"),
+        ("a: &x [1]\nb: *x", "1: anchor or alias x: write the value out"),
+        ("a: *x", "1: anchor or alias x: write the value out"),
+        ("slots: 1\n---\nslots: 2", "2: a second document begins: give one"),
+        ("- 1", "1: holds [1]: give a mapping, name: value"),
+        ("\n3", "1: holds 3: give a mapping, name: value"),
+        ("a: b: c", "1: no YAML: mapping values are not allowed"),
+        ("a: [1\nb: 2", "2: no YAML: "),
+        ("a: 'x", "1: no YAML: found unexpected end of stream"),
+        ("a: @x", "1: no YAML: found character that cannot start any token"),
+        ("slots: " + "9" * 900, "1: slots = an integer of 2990 bits: give a whole number in [1, 64]"),
+        ("slots: " + "9" * 9000, "1: '9999999"),
+    ],
+)
+@pytest.mark.parametrize("loader", ["CSafeLoader", "SafeLoader"])
+def test_what_is_wrong_in_a_file_is_named_with_its_line(
+    written: str, line: str, loader: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    yaml = pytest.importorskip("yaml")
+    if not hasattr(yaml, loader):
+        pytest.skip("PyYAML without libyaml")
+    monkeypatch.setattr(yaml, "CSafeLoader", getattr(yaml, loader), raising=False)
+    file = tmp_path / "field.yaml"
+    file.write_text(written, "utf-8")
+    told = refusal(lambda: from_mapping(Task, load_yaml(file), TASK))
+    if loader == "SafeLoader" and "no YAML" in line:  # the wording is the parser's
+        assert told.startswith(f"{file}:") and ": no YAML: " in told
+    else:
+        assert told.startswith(f"{file}:{line}")
+
+
+@pytest.mark.parametrize("opening", ["[", "{a: ", "- ", "? "])
+@pytest.mark.parametrize("loader", ["CSafeLoader", "SafeLoader"])
+def test_depth_is_limited(opening: str, loader: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    yaml = pytest.importorskip("yaml")
+    monkeypatch.setattr(yaml, "CSafeLoader", getattr(yaml, loader, yaml.SafeLoader), raising=False)
+    refusal(parse_yaml, opening * 100_000)
+    deep = "a: " + "[" * (MAX_DEPTH - 1) + "]" * (MAX_DEPTH - 1)
+    assert parse_yaml(deep)
+    assert refusal(parse_yaml, deep.replace("[]", "[[]]")).startswith(f"text:1: more than {MAX_DEPTH} levels")
+
+
+def test_a_billion_laughs_are_not_heard() -> None:
+    pytest.importorskip("yaml")
+    bomb = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+        f"{new}: &{new} [{', '.join(['*' + old] * 9)}]\n" for old, new in zip("abcdefgh", "bcdefghi", strict=True)
+    )
+    assert refusal(parse_yaml, bomb) == "text:1: anchor or alias a: write the value out"
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    pytest.importorskip("yaml")
+    file = tmp_path / "field.yaml"
+    assert refusal(load_yaml, file) == f"{file}: cannot be read: No such file or directory"
+    assert refusal(load_yaml, tmp_path) == f"{tmp_path}: cannot be read: Is a directory"
+    assert "cannot be read" in refusal(load_yaml, "a\0b")
+    file.write_bytes(b"a: 1\nb: \xff")
+    assert refusal(load_yaml, file) == f"{file}:2: is not UTF-8: save it as UTF-8"
+    file.write_bytes(b"a: \0")
+    assert refusal(load_yaml, file).startswith(f"{file}: no YAML: ")
+    file.write_bytes(b"#" * (MAX_BYTES + 1))
+    assert refusal(load_yaml, file) == f"{file}: is larger than {MAX_BYTES} bytes: give a smaller file"
+    file.write_bytes(b"#" * MAX_BYTES)
+    assert load_yaml(file) == {}
+
+
+def test_a_file_is_read(tmp_path: Path) -> None:
+    pytest.importorskip("yaml")
+    file = tmp_path / "field.yaml"
+    file.write_text(
+        "\ufeff# a task\nslots: 4\ntray: {cells: 72, name: 'no'}\nprocess.locate_s: 1.0e-3\npotted: TRUE\nother: ~\n"
+        "slow:\n  corner_m: .inf\n  strokes: [-0, +1, 2]\nspares:\n- cells: 1\n  name: b\n",
+        "utf-8",
+    )
+    made = from_mapping(Task, load_yaml(file))
+    slow = Process(locate_s=30.0, strokes=(0, 1, 2))
+    assert made == Task(4, Tray(72, "no"), Process(0.001), slow, spares=(Tray(1, "b"),), potted=True)
+
+
+@given(st.text(alphabet="abz:,[]{}-?&*!|>'\"%@`#\n 0123456789.enoty~_\t<=", max_size=40))
+def test_any_text_is_read_or_refused_in_one_line(written: str) -> None:
+    yaml = pytest.importorskip("yaml")
+    try:
+        read = parse_yaml(written)
+    except ConfigError as error:
+        assert str(error).isprintable()
+        assert str(error).startswith("text:")
+        return
+    plain = yaml.load(written, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    assert read == (plain or {}), "what is read, every reader reads so"
+
+
+def test_without_pyyaml_the_error_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "yaml", None)
+    with pytest.raises(ImportError, match="pip install pyyaml"):
+        config_files.parse_yaml("a: 1")
+
+
+@dataclass(frozen=True)
+class Bare(Config):
+    """A field without declaration."""
+
+    slots: int = 3
+
+
+@dataclass(frozen=True)
+class Loose(Config):
+    """A type that is not supported."""
+
+    slots: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Listed(Config):
+    """A declared field of a type that is not supported."""
+
+    slots: list[int] = num(..., 0, 1, "", "")
+
+
+class Undecorated(Process):
+    """The decorator is missing."""
+
+    more: int = num(3, 0, 9, "", "More.")
+
+
+def test_mistakes_in_declarations_are_told_to_the_developer() -> None:
+    with pytest.raises(TypeError, match=r"Bare\.slots: declare it"):
+        Bare()
+    with pytest.raises(TypeError, match=r"Loose\.slots: declare it"):
+        Loose()
+    with pytest.raises(TypeError, match=r"Listed.slots: a configuration cannot hold list\[int\]"):
+        Listed([1])
+    with pytest.raises(TypeError, match=r"Undecorated.more: put @dataclass\(frozen=True\)"):
+        Undecorated()
+    with pytest.raises(TypeError, match="lower and an upper end"):
+        num(1, 2, 1, "", "")
+    with pytest.raises(TypeError, match="call it check"):
+
+        class Replaced(Config):
+            def __post_init__(self) -> None: ...
