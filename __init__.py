@@ -6,9 +6,9 @@ Importing the package registers its environments:
     env = gymnasium.make("fieldgym/SafflowerPicking-v0", scenario="pots")
 """
 
-from fieldgym.envs import ENV_IDS, describe, register
+from fieldgym.envs import TaskSpec, env_ids, register, register_policy, register_task, task, tasks
 
 __version__ = "0.1.0"
-__all__ = ["ENV_IDS", "__version__", "describe"]
+__all__ = ["TaskSpec", "__version__", "env_ids", "register_policy", "register_task", "task", "tasks"]
 
 register()

@@ -150,9 +150,9 @@ def _moved(case: Case, backend: str) -> Case:
 
 def default_perception(env_id: str, backend: str) -> str:
     """What a machine on this backend sees with: its camera in PyBullet where the task has one, else the model of it."""
-    from ..envs import describe
+    from ..envs import task
 
-    return "camera" if backend == "pybullet" and "camera" in describe(env_id).perceptions else "model"
+    return "camera" if backend == "pybullet" and "camera" in task(env_id).perceptions else "model"
 
 
 def suite(name: str) -> Suite:
@@ -168,16 +168,16 @@ def suite(name: str) -> Suite:
     """
     from ..agents import policy_names, reference_policy
     from ..bounds import bounded_ids
-    from ..envs import ENV_IDS, describe
+    from ..envs import env_ids, task
 
     if name not in SUITES:
         raise ValueError(f"no suite is called {name!r}: choose one of {', '.join(SUITES)}")
     cases = []
-    for env_id in ENV_IDS:
-        task = describe(env_id)
-        headline = (task.headline_scenario,)
+    for env_id in env_ids():
+        spec = task(env_id)
+        headline = (spec.headline,)
         if name == "quick":
-            first = env_id == ENV_IDS[0]
+            first = env_id == env_ids()[0]
             sees = default_perception(env_id, "pybullet") if first else "model"
             parts = [(headline, "pybullet", sees, 0, QUICK_EPISODES if first else QUICK_TOUR_EPISODES)]
         elif name == "full":
@@ -186,7 +186,7 @@ def suite(name: str) -> Suite:
                 (headline, "pybullet", "model", FULL_FIRST_SEED, FULL_PYBULLET_EPISODES),
             ]
         else:
-            parts = [(task.scenarios, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES)]
+            parts = [(spec.scenarios, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES)]
         cases += [
             Case(
                 Condition(env_id, scenario, backend, perception),

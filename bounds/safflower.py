@@ -18,7 +18,7 @@ from ..envs.safflower.core import SafflowerCore
 from ..envs.safflower.field import stop_centres
 from ..envs.safflower.process import Shears, collected_share, cut_share, dropped_share
 from ..motion import QUINTIC
-from .base import METHODS, Bound
+from .base import METHODS, REPORTS, Bound
 from .stops import EXACT_TARGETS, Array, Stop, largest, shortest_cycle
 
 _STILL_M = 1e-4
@@ -92,15 +92,15 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
 
     Args:
         core: the rules.
-        reports: ``"drawn"``: the camera's reports are those that lie in ``core``; ``"any"``: whatever a camera may
+        reports: ``"drawn"``: the camera's reports are those that lie in ``core``; else: whatever a camera may
             report, the tool may find every head without error and move to it as far as the shear hole allows.
         row: the world.
 
     Raises:
         ValueError: the episode is under way, or ``reports`` is unknown.
     """
-    if reports not in ("drawn", "any"):
-        raise ValueError(f"reports = {reports!r}: choose 'drawn' or 'any'")
+    if reports not in REPORTS:
+        raise ValueError(f"reports = {reports!r}: choose one of {', '.join(map(repr, REPORTS))}")
     if core.state.head_visited[row].any() or core.state.stop[row] != 0:
         raise ValueError("the episode is under way: an instance is read right after a reset")
     config = core.config

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from .field import Field, FieldError
+
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
-
-BACKENDS = ("analytic", "pybullet")
-PERCEPTIONS = ("perfect", "model", "camera")
 
 COMMON_SCORES = (
     "net_rate",
@@ -50,35 +48,67 @@ PlanT = TypeVar("PlanT")
 OutcomeT = TypeVar("OutcomeT")
 PlanIn = TypeVar("PlanIn", contravariant=True)
 OutcomeOut = TypeVar("OutcomeOut", covariant=True)
-ConfigT = TypeVar("ConfigT", bound=Any)
 
 
 class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     """The rules of a task over B worlds at once; every array has a leading world axis.
 
-    ``plan`` says what the tool must do, an executor says what happened, ``apply`` books it. All chance is drawn in
-    ``reset_rows``; the other methods draw nothing, so one seed is one field with one luck for every policy.
+    ``plan`` says what the tool must do, an executor says what happened, ``apply`` books it. All chance stands in the
+    fields that ``load`` puts into worlds; the other methods draw nothing, so one field is one instance with one luck
+    for every policy.
+
+    A *batch* is R fields side by side, arrays with a leading world axis, in a form that the task chooses: ``draw``
+    makes one from generators, ``stack`` from fields, ``unstack`` takes one apart again.
+
+    Attributes:
+        config: the task's numbers.
+        reward_names: terms of the reward.
+        phase_names: phases of a decision.
+        score_names: of the scorecard; begins with ``COMMON_SCORES``.
+        machine_features: what policies are shown of the machine.
+        candidate_features: what policies are shown of each candidate; the first says whether the slot is taken.
+        field_type: what a field of this task is.
     """
 
+    config: Any
     reward_names: tuple[str, ...]
     phase_names: tuple[str, ...]
     score_names: tuple[str, ...]
+    machine_features: tuple[str, ...]
+    candidate_features: tuple[str, ...]
+    field_type: type[Field]
     observation_space: spaces.Dict
     action_space: spaces.Discrete
 
     def __init__(self, worlds: int):
         """Prepare ``worlds`` worlds; each must be reset before its first plan."""
-        if worlds < 1:
-            raise ValueError(f"num_envs = {worlds}: give at least 1 world")
-        self.worlds = worlds
+        if isinstance(worlds, bool) or not isinstance(worlds, int | np.integer) or worlds < 1:
+            raise ValueError(f"num_envs = {worlds!r}: give at least 1 world")
+        self.worlds = int(worlds)
 
     @abstractmethod
-    def reset_rows(self, rows: Rows, generators: Sequence[np.random.Generator]) -> None:
-        """Draw a new instance for each of ``rows`` from its own generator and stand at its beginning."""
+    def draw(self, generators: Sequence[np.random.Generator]) -> Any:
+        """Draw a batch, each field from its own generator, whatever is drawn beside it."""
+
+    @abstractmethod
+    def stack(self, fields: Sequence[Any]) -> Any:
+        """The batch of fields in which nothing is missing."""
+
+    @abstractmethod
+    def unstack(self, batch: Any) -> list[Any]:
+        """The fields of a batch."""
+
+    @abstractmethod
+    def load(self, rows: Rows, batch: Any) -> None:
+        """Put the fields of a batch into the worlds ``rows`` and stand at their beginning."""
 
     @abstractmethod
     def plan(self, actions: NDArray[np.int64]) -> PlanT:
         """Turn actions (B,) into what the machine has to do; an illegal action becomes a costly no-op."""
+
+    @abstractmethod
+    def nominal(self, plan: PlanT) -> OutcomeT:
+        """What happens when a plan is carried out exactly."""
 
     @abstractmethod
     def apply(self, plan: PlanT, outcome: OutcomeT) -> StepResult:
@@ -96,6 +126,33 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     def describe(self, plan: PlanT, result: StepResult, row: int = 0) -> str:
         """One line for people about the last decision of one world."""
 
+    def complete(self, field: Any, generator: np.random.Generator) -> Any:
+        """A field with nothing missing, or an error that says what does not fit this core.
+
+        Tasks add what only they know: columns that are filled by ``"task"``, and what lies outside the machine's
+        window or does not fit into the state.
+
+        Args:
+            field: perhaps from a file, with values that were not given.
+            generator: draws those that are drawn.
+
+        Raises:
+            FieldError: a value is missing, out of range, outside the window, or there are too many.
+        """
+        if not isinstance(field, self.field_type):
+            raise FieldError(f"field is a {type(field).__name__}: this task takes a {self.field_type.__name__}")
+        field.check()
+        return field.filled(generator)
+
+    def reset_rows(self, rows: Rows, generators: Sequence[np.random.Generator]) -> None:
+        """Draw a new instance for each of ``rows`` from its own generator and stand at its beginning."""
+        if len(rows):
+            self.load(rows, self.draw(generators))
+
+    def draw_field(self, generator: np.random.Generator) -> Any:
+        """The field that a world with this generator would get."""
+        return self.unstack(self.draw([generator]))[0]
+
 
 class Executor(Protocol[PlanIn, OutcomeOut]):
     """Carries a plan out and says what happened."""
@@ -111,6 +168,24 @@ class Executor(Protocol[PlanIn, OutcomeOut]):
     def close(self) -> None:
         """Free what is held; idempotent."""
         ...
+
+
+class NominalExecutor(Generic[PlanT, OutcomeT]):
+    """The analytic backend: what is planned happens, exactly and at once."""
+
+    def __init__(self, core: TaskCore[PlanT, OutcomeT]):
+        """Take the rules whose plans are carried out."""
+        self._core = core
+
+    def reset_rows(self, rows: Rows) -> None:
+        """Nothing to prepare."""
+
+    def execute(self, plan: PlanT) -> OutcomeT:
+        """What the plan says."""
+        return self._core.nominal(plan)
+
+    def close(self) -> None:
+        """Nothing to free."""
 
 
 class View(Protocol[PlanIn]):
@@ -131,21 +206,3 @@ class View(Protocol[PlanIn]):
     def close(self) -> None:
         """Free what is held; idempotent."""
         ...
-
-
-def configured(config: ConfigT, scenarios: Mapping[str, Any], scenario: str | None, **changes: Any) -> ConfigT:
-    """``config`` with one of ``scenarios`` by its name and with all ``changes`` that are not None.
-
-    Raises:
-        ValueError: the scenario is unknown, or a change out of range.
-    """
-    if scenario is not None:
-        changes["scenario"] = scenarios[choice("scenario", scenario, tuple(scenarios))]
-    return replace(config, **{name: value for name, value in changes.items() if value is not None})
-
-
-def choice(name: str, value: object, allowed: Sequence[str]) -> str:
-    """Return ``value`` when it is one of ``allowed``, else raise an error that lists them."""
-    if value not in allowed:
-        raise ValueError(f"{name} = {value!r} is unknown: choose one of {', '.join(map(repr, allowed))}")
-    return str(value)

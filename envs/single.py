@@ -3,71 +3,136 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any, Generic
+from collections.abc import Callable, Mapping
+from os import PathLike
+from typing import Any, ClassVar, Generic
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from .core import BACKENDS, PERCEPTIONS, Executor, OutcomeT, PlanT, StepResult, TaskCore, View, choice
+from .assembly import Assembly, choice
+from .core import Executor, NominalExecutor, OutcomeT, PlanT, StepResult, TaskCore, View
+from .field import Field
+from .options import checked_options, read_if_path
 
 _ONE_ROW = np.zeros(1, np.int64)
 
 
 class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
-    """Single environment over a ``TaskCore`` with one world, an executor and a view that is made when it is needed.
+    """One world of a task: its rules, an executor, and a view that is made when it is needed.
+
+    A task's environment is a subclass with its ``assembly`` and a docstring.
 
     Args:
-        core: the rules, one world.
-        executor: what carries plans out.
-        make_view: makes the rendered world; its argument asks for a window.
-        sensing: whether reports come from the view's camera.
+        scenario: a name, or a YAML file with a scenario's numbers; by default the headline.
+        backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
+        perception: ``"camera"`` renders pictures and finds targets in them, ``"model"`` draws from statistics measured
+            on such pictures, ``"perfect"`` reports everything as it is. By default the camera with PyBullet, the model
+            without.
+        config: every number of the task; what else is given replaces its own.
+        overrides: single numbers of the configuration by dotted name, ``{"process.power_w": 150.0}``.
         render_mode: ``"rgb_array"`` (``render`` returns a picture), ``"human"`` (a window follows every decision in
             real time) or None.
+        **settings: keywords of the task's own, see ``Assembly.settings``.
 
     Raises:
-        ValueError: unknown render mode.
+        ValueError: an argument is unknown or out of range; the message says what is allowed.
     """
 
+    assembly: ClassVar[Assembly[Any]]
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 20}  # noqa: RUF012
 
     def __init__(
         self,
-        core: TaskCore[PlanT, OutcomeT],
-        executor: Executor[PlanT, OutcomeT],
-        make_view: Callable[[bool], View[PlanT]],
-        sensing: bool = False,
+        scenario: str | PathLike[str] | None = None,
+        backend: str | None = None,
+        perception: str | None = None,
+        config: Any = None,
+        overrides: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
+        **settings: Any,
     ):
-        """Join the parts."""
+        """Put the parts together."""
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode = {render_mode!r}: choose 'human', 'rgb_array' or None")
-        self.core, self.executor = core, executor
+        parts, settings = self.equipped(settings)
+        backend = choice("backend", backend or parts.backends[0], parts.backends)
+        perception = choice("perception", perception or parts.default_perception(backend), parts.perceptions)
+        config = parts.configured(scenario, config, overrides, settings)
+        self.backend, self.perception, self.scenario = backend, perception, parts.name_of(config.scenario)
+        self.core: TaskCore[PlanT, OutcomeT] = parts.core(config, parts.perception_model(perception, config), 1)
+        driven = backend == "pybullet" and parts.machine is not None
+        self.executor: Executor[PlanT, OutcomeT] = (
+            parts.machine(self.core) if driven and parts.machine else NominalExecutor(self.core)
+        )
         self.render_mode = render_mode
-        self.observation_space = core.observation_space
-        self.action_space = core.action_space
-        self._make_view, self._view = make_view, None
-        self._sensing = sensing
+        self.observation_space = self.core.observation_space
+        self.action_space = self.core.action_space
+        self._make_view, self._view = parts.view, None
+        self._sensing = perception == "camera"
         self._on_frame: Callable[[NDArray[np.uint8]], None] | None = None
         self._frames_per_second = float(self.metadata["render_fps"])
         self._actions = np.zeros(1, np.int64)
         self._last: tuple[PlanT, StepResult] | None = None
         self._mask = np.zeros(0, np.int8)
+        self._given: Field | None = None
+        self._drawn_from: Any = None
+
+    @classmethod
+    def equipped(cls, settings: dict[str, Any]) -> tuple[Assembly[Any], dict[str, Any]]:
+        """The parts for these settings, and the settings that are left; a task with several machines chooses here."""
+        return cls.assembly, settings
 
     @property
     def view(self) -> View[PlanT]:
-        """The rendered world, made at its first use."""
+        """The rendered world, made at its first use.
+
+        Raises:
+            ValueError: the task has none.
+        """
         if self._view is None:
-            self._view = self._make_view(self.render_mode == "human")
+            if self._make_view is None:
+                raise ValueError(f"{type(self).__name__} draws nothing: its assembly has no view")
+            self._view = self._make_view(self.core, self.render_mode == "human")
         return self._view
+
+    @property
+    def field(self) -> Any:
+        """The field of this episode, with all of its luck; load it with ``reset(options={"field": ...})``.
+
+        Raises:
+            ValueError: the environment was not reset yet.
+        """
+        if self._given is None:
+            if self._drawn_from is None:
+                raise ValueError("there is no field yet: call reset() first")
+            generator = np.random.Generator(type(self.np_random.bit_generator)())
+            generator.bit_generator.state = self._drawn_from
+            self._given = self.core.draw_field(generator)
+        return self._given
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Draw a new instance; the same seed gives the same field and the same luck. ``options`` are not used."""
+        """Start an episode; the same seed gives the same field and the same luck.
+
+        Args:
+            seed: of the environment's chance, see Gymnasium.
+            options: ``{"field": field_or_path}`` plays that field instead of drawing one; what it does not say is drawn
+                from the environment's chance.
+
+        Raises:
+            ValueError: an option is unknown, or the field does not fit.
+        """
         super().reset(seed=seed)
-        self.core.reset_rows(_ONE_ROW, [self.np_random])
+        field = checked_options(options, ("field",)).get("field")
+        if field is None:
+            self._given, self._drawn_from = None, self.np_random.bit_generator.state
+            self.core.reset_rows(_ONE_ROW, [self.np_random])
+        else:
+            self._given = self.core.complete(read_if_path(field, self.core.field_type), self.np_random)
+            self.core.load(_ONE_ROW, self.core.stack([self._given]))
         self.executor.reset_rows(_ONE_ROW)
         if self._sensing:
             self.view.sense()
@@ -161,13 +226,3 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         if not 0 <= value < n:
             raise ValueError(f"action = {value}: allowed range 0..{n - 1}, see info['action_mask']")
         return value
-
-
-def single_perception(backend: str, perception: str | None) -> str:
-    """Perception of a single environment: what is asked for, or the camera with PyBullet and its model without.
-
-    Raises:
-        ValueError: an argument is unknown.
-    """
-    by_default = "camera" if choice("backend", backend, BACKENDS) == "pybullet" else "model"
-    return choice("perception", perception or by_default, PERCEPTIONS)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Generic
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from typing import Any, ClassVar, Generic
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -11,7 +12,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from .core import BACKENDS, PERCEPTIONS, Array, Executor, OutcomeT, PlanT, TaskCore, choice
+from .assembly import BACKENDS, Assembly, choice
+from .core import Array, NominalExecutor, OutcomeT, PlanT, TaskCore
+from .options import checked_options, read_if_path
 
 Observation = dict[str, NDArray[Any]]
 
@@ -19,25 +22,49 @@ Observation = dict[str, NDArray[Any]]
 class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Generic[PlanT, OutcomeT]):
     """``num_envs`` worlds stepped as one; bit for bit what as many single environments give on equal seeds.
 
+    A task's batched environment is a subclass with its ``assembly`` and a docstring. PyBullet machines run one a
+    process: use ``vectorization_mode="async"`` for those.
+
     Args:
-        core: the rules, with one world an environment.
-        executor: what carries plans out.
+        num_envs: number of worlds.
+        scenario: as in ``TaskEnv``, like all arguments that are not named here.
+        backend: ``"analytic"``.
+        perception: ``"model"`` or ``"perfect"``.
+        config: see ``scenario``.
+        overrides: see ``scenario``.
         autoreset_mode: ``NEXT_STEP`` (Gymnasium's default: the step after an episode's end ignores the action and
             returns the new episode's first observation with reward 0), ``SAME_STEP`` (the step that ends an episode
             returns the new one's first observation, the last one is in ``info["final_obs"]`` and
             ``info["final_info"]``) or ``DISABLED`` (the caller resets with ``options={"reset_mask": ...}``).
+        render_mode: None: the batch draws nothing.
+        **settings: see ``scenario``.
+
+    Raises:
+        ValueError: an argument is unknown or cannot be batched; the message says what is allowed.
     """
 
+    assembly: ClassVar[Assembly[Any]]
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012
 
     def __init__(
         self,
-        core: TaskCore[PlanT, OutcomeT],
-        executor: Executor[PlanT, OutcomeT],
+        num_envs: int = 1,
+        scenario: str | PathLike[str] | None = None,
+        backend: str = "analytic",
+        perception: str | None = None,
+        config: Any = None,
+        overrides: Mapping[str, Any] | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+        **settings: Any,
     ):
-        """Join the parts."""
-        self.core, self.executor = core, executor
+        """Put the parts together."""
+        parts, settings = self.equipped(settings)
+        perception = _batched(parts, backend, perception, render_mode)
+        config = parts.configured(scenario, config, overrides, settings)
+        self.backend, self.perception, self.scenario = backend, perception, parts.name_of(config.scenario)
+        core: TaskCore[PlanT, OutcomeT] = parts.core(config, parts.perception_model(perception, config), num_envs)
+        self.core, self.executor = core, NominalExecutor(core)
         self.num_envs = core.worlds
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
@@ -50,6 +77,11 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self._over = np.zeros(core.worlds, bool)
         self._mask = np.zeros((core.worlds, int(core.action_space.n)), np.int8)
 
+    @classmethod
+    def equipped(cls, settings: dict[str, Any]) -> tuple[Assembly[Any], dict[str, Any]]:
+        """The parts for these settings, and the settings that are left; see ``TaskEnv.equipped``."""
+        return cls.assembly, settings
+
     def reset(
         self,
         *,
@@ -60,10 +92,11 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
 
         Args:
             seed: one number (world i gets ``seed + i``), one number or None a world, or None to go on drawing.
-            options: ``{"reset_mask": bool (n,)}`` resets only those worlds.
+            options: ``{"reset_mask": bool (n,)}`` resets only those worlds; ``{"fields": [...]}`` plays these fields
+                (or files), one a world that is reset, instead of drawing.
 
         Raises:
-            ValueError: the seeds or the mask do not fit the number of worlds.
+            ValueError: the seeds, the mask or the fields do not fit the number of worlds, or an option is unknown.
         """
         n = self.num_envs
         if seed is None or isinstance(seed, int):
@@ -72,13 +105,14 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             seeds = list(seed)
         if len(seeds) != n:
             raise ValueError(f"{len(seeds)} seeds for {n} worlds: give one seed a world, or a single number")
-        chosen = np.ones(n, bool) if options is None else np.asarray(options.get("reset_mask", np.ones(n, bool)))
+        asked = checked_options(options, ("reset_mask", "fields"))
+        chosen = np.asarray(asked.get("reset_mask", np.ones(n, bool)))
         if chosen.shape != (n,) or chosen.dtype != bool or not chosen.any():
             raise ValueError(f"reset_mask must be a boolean array of shape ({n},) with at least one True")
         for i in np.flatnonzero(chosen):
             if seeds[i] is not None or self._generators[i] is None:
                 self._generators[i], self._seeds[i] = seeding.np_random(seeds[i])
-        self._restart(np.flatnonzero(chosen))
+        self._restart(np.flatnonzero(chosen), asked.get("fields"))
         self._over[chosen] = False
         observation = self._observe()
         nothing = np.zeros((n, len(self.core.reward_names))), np.zeros((n, len(self.core.phase_names)))
@@ -132,9 +166,19 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         """Free what the executor holds."""
         self.executor.close()
 
-    def _restart(self, rows: NDArray[np.int64]) -> None:
+    def _restart(self, rows: NDArray[np.int64], fields: Any = None) -> None:
         generators = [g for g in (self._generators[row] for row in rows) if g is not None]
-        self.core.reset_rows(rows, generators)
+        if fields is None:
+            self.core.reset_rows(rows, generators)
+        else:
+            if isinstance(fields, str) or not isinstance(fields, Sequence) or len(fields) != len(rows):
+                raise ValueError(f"fields must be a list of {len(rows)} fields or files, one a world that is reset")
+            core = self.core
+            whole = [
+                core.complete(read_if_path(field, core.field_type), generator)
+                for field, generator in zip(fields, generators, strict=True)
+            ]
+            core.load(rows, core.stack(whole))
         self.executor.reset_rows(rows)
 
     def _observe(self) -> Observation:
@@ -187,15 +231,15 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         return numbers.astype(np.int64)
 
 
-def batched_perception(backend: str, perception: str | None, render_mode: str | None) -> str:
-    """Perception of a batch, ``"model"`` by default, once it is clear that what was asked for can be batched.
+def _batched(parts: Assembly[Any], backend: str, perception: str | None, render_mode: str | None) -> str:
+    """Perception of a batch, once it is clear that what was asked for can be batched.
 
     Raises:
         ValueError: an argument is unknown, or needs a machine, a camera or a picture a world.
     """
     if choice("backend", backend, BACKENDS) != "analytic":
         raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
-    chosen = choice("perception", perception or "model", PERCEPTIONS)
+    chosen = choice("perception", perception or parts.default_perception(backend), parts.perceptions)
     if chosen == "camera":
         raise ValueError('perception = \'camera\' is not batched: use "model", or vectorization_mode="async"')
     if render_mode is not None:

@@ -43,7 +43,7 @@ class Protocol:
 def run_protocol(process: ProcessConfig, worlds: int, perception: str = "model") -> Protocol:
     """Pick ``worlds`` potted fields in the fixed order and measure what the paper measured."""
     env = gym.make_vec(
-        fieldgym.ENV_IDS[0],
+        fieldgym.env_ids()[0],
         num_envs=worlds,
         vectorization_mode="vector_entry_point",
         scenario="pots",

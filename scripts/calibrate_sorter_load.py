@@ -13,16 +13,16 @@ import argparse
 import numpy as np
 
 from fieldgym.agents.policies.sorting import Fifo
+from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.sorting.config import REFERENCE_CYCLE_S, SCENARIOS, PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.core import SortingCore
-from fieldgym.envs.sorting.machine import AnalyticSorter
 from fieldgym.envs.sorting.state import PICK
 
 
 def busy_cycle_s(streams: int, scenario: str = "load-1.6") -> float:
     """Mean seconds of a grip without the wait before it."""
     core = SortingCore(SortingConfig(scenario=SCENARIOS[scenario]), PerceptionModel.perfect(), streams)
-    executor, policy = AnalyticSorter(core), Fifo()
+    executor, policy = NominalExecutor(core), Fifo()
     core.reset_rows(np.arange(streams), [np.random.default_rng(9_000_000 + row) for row in range(streams)])
     running, seconds, grips = np.ones(streams, bool), 0.0, 0
     while running.any():

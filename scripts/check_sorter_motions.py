@@ -19,9 +19,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fieldgym.agents.policies.base import RandomPolicy
+from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.sorting.config import SCENARIOS, PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.core import SortingCore
-from fieldgym.envs.sorting.machine import AnalyticSorter
 from fieldgym.envs.sorting.motions import PickMotion
 from fieldgym.envs.sorting.state import PICK
 from fieldgym.mechanisms.errors import UnreachablePoseError
@@ -77,7 +77,7 @@ def pick_motions(count: int, seed: int, physics_hz: float, worlds: int = 16) -> 
     while len(motions) < count:
         name = list(SCENARIOS)[number % len(SCENARIOS)]
         core = SortingCore(SortingConfig(scenario=SCENARIOS[name]), PerceptionModel.measured(), worlds)
-        executor = AnalyticSorter(core)
+        executor = NominalExecutor(core)
         rows = np.arange(worlds)
         core.reset_rows(rows, [np.random.default_rng([seed, number, int(row)]) for row in rows])
         for _ in range(60):

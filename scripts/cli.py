@@ -53,21 +53,21 @@ def list_environments(
       fieldgym list --json
     """
     from fieldgym.agents import policy_names, reference_policy
-    from fieldgym.envs import ENV_IDS, describe
+    from fieldgym.envs import env_ids, task
 
     entries = []
-    for env_id in ENV_IDS:
-        task = describe(env_id)
+    for env_id in env_ids():
+        spec = task(env_id)
         entries.append(
             {
                 "id": env_id,
-                "machine": task.machine,
-                "paper": task.paper,
-                "decision": task.decision,
-                "actions": task.actions,
-                "scenarios": list(task.scenarios),
-                "headline_scenario": task.headline_scenario,
-                "backends": list(task.backends),
+                "machine": spec.machine,
+                "paper": spec.paper,
+                "decision": spec.decision,
+                "actions": spec.actions,
+                "scenarios": list(spec.scenarios),
+                "headline_scenario": spec.headline,
+                "backends": list(spec.backends),
                 "policies": list(policy_names(env_id)),
                 "reference_policy": reference_policy(env_id),
             }

@@ -49,15 +49,15 @@ def environment_id(name: str) -> str:
     Raises:
         CommandError: there is no such environment.
     """
-    from fieldgym.envs import ENV_IDS
+    from fieldgym.envs import env_ids
 
-    short = {env_id.removeprefix("fieldgym/").split("-v")[0].lower(): env_id for env_id in ENV_IDS}
+    short = {env_id.removeprefix("fieldgym/").split("-v")[0].lower(): env_id for env_id in env_ids()}
     bare = name.removeprefix("fieldgym/")
-    if f"fieldgym/{bare}" in ENV_IDS:
+    if f"fieldgym/{bare}" in env_ids():
         return f"fieldgym/{bare}"
     if bare.lower() in short:
         return short[bare.lower()]
-    return chosen(name, ENV_IDS, "environment")
+    return chosen(name, env_ids(), "environment")
 
 
 def writable_folder(folder: Path, option: str) -> Path:

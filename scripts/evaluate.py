@@ -49,18 +49,18 @@ def main(
     from fieldgym.agents.evaluation import evaluate
     from fieldgym.benchmark.suites import default_perception
     from fieldgym.bounds import bounded_ids
-    from fieldgym.envs import describe
+    from fieldgym.envs import task
 
     env_id = environment_id(env)
-    task = describe(env_id)
+    spec = task(env_id)
     at_least_one(episodes, "--episodes")
     if seed < 0:
         raise CommandError(f"--seed {seed}: give 0 or more")
     options = {
-        "scenario": chosen(scenario or task.headline_scenario, task.scenarios, f"scenario of {env_id}"),
-        "perception": chosen(perception or default_perception(env_id, backend), task.perceptions, "perception"),
+        "scenario": chosen(scenario or spec.headline, spec.scenarios, f"scenario of {env_id}"),
+        "perception": chosen(perception or default_perception(env_id, backend), spec.perceptions, "perception"),
     }
-    chosen(backend, task.backends, "backend")
+    chosen(backend, spec.backends, "backend")
     if bound and env_id not in bounded_ids():
         raise CommandError(f"--bound: {env_id} has no bound yet; these have: {', '.join(bounded_ids())}")
     names = [policy, *_others(env_id, policy, against or reference_policy(env_id), policy_names(env_id))]

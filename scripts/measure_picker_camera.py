@@ -110,7 +110,7 @@ def measure(scenario: str, stops: int) -> dict[str, Any]:
     """Look at ``stops`` stops of a scenario."""
     from fieldgym.perception.blooms import detect_blooms
 
-    env: Any = gym.make(fieldgym.ENV_IDS[0], backend="analytic", perception="camera", scenario=scenario).unwrapped
+    env: Any = gym.make(fieldgym.env_ids()[0], backend="analytic", perception="camera", scenario=scenario).unwrapped
     core, tally, episodes = env.core, Tally(), -(-stops // SCENARIOS[scenario].stops)
     for episode in track(range(episodes), description=f"{scenario:>10}", transient=True):
         env.reset(seed=FIRST_SEED + episode)

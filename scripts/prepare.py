@@ -20,10 +20,10 @@ def main() -> None:
     """Compile the rules of every environment once, so that its first episode starts at once."""
     import gymnasium as gym
 
-    from fieldgym.envs import ENV_IDS
+    from fieldgym.envs import env_ids
 
     console = Console(highlight=False)
-    for env_id in ENV_IDS:
+    for env_id in env_ids():
         start = time.perf_counter()
         with console.status(f"compiling {env_id}"):
             env = gym.make(env_id, backend="analytic")

@@ -52,10 +52,10 @@ def main(
 
     from fieldgym.agents import make_policy, policy_names, reference_policy
     from fieldgym.benchmark.episode import POLICY_SEEDS
-    from fieldgym.envs import describe
+    from fieldgym.envs import task
 
     env_id = environment_id(env)
-    task = describe(env_id)
+    spec = task(env_id)
     name = chosen(policy or reference_policy(env_id), policy_names(env_id), f"policy for {env_id}")
     at_least_one(episodes, "--episodes")
     if seed < 0:
@@ -63,9 +63,9 @@ def main(
     if not speed > 0.0:
         raise CommandError(f"--speed {speed}: give a positive factor, 1 is real time")
     options: dict[str, Any] = {
-        "scenario": chosen(scenario or task.headline_scenario, task.scenarios, f"scenario of {env_id}"),
-        "backend": chosen(backend, task.backends, "backend"),
-        "perception": None if perception is None else chosen(perception, task.perceptions, "perception"),
+        "scenario": chosen(scenario or spec.headline, spec.scenarios, f"scenario of {env_id}"),
+        "backend": chosen(backend, spec.backends, "backend"),
+        "perception": None if perception is None else chosen(perception, spec.perceptions, "perception"),
     }
     if video is not None:
         _check_video(video)

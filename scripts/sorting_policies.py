@@ -21,7 +21,7 @@ from fieldgym.benchmark.statistics import mean, paired_difference
 from fieldgym.envs.sorting.config import SCENARIOS
 from fieldgym.scripts.comparison import play, words
 
-ENV_ID = next(env_id for env_id in fieldgym.ENV_IDS if "Sorting" in env_id)
+ENV_ID = next(env_id for env_id in fieldgym.env_ids() if "Sorting" in env_id)
 REFERENCE = reference_policy(ENV_ID)
 
 

@@ -23,7 +23,7 @@ from rich.table import Table
 
 import fieldgym
 from fieldgym.agents import act_single, make_policy, reference_policy
-from fieldgym.envs import ENV_IDS
+from fieldgym.envs import env_ids
 from fieldgym.mechanisms import FiveBar, ThreePRRS, ThreeUPSRPU, TranslationalFiveBar
 
 SAFFLOWER = "fieldgym/SafflowerPicking-v0"
@@ -199,7 +199,7 @@ def vector_decisions(env_id: str, worlds: int, quick: bool) -> float:
 
 def decisions(quick: bool) -> None:
     """Every environment: one world, a batch, and the machine in PyBullet without its camera."""
-    for env_id in ENV_IDS:
+    for env_id in env_ids():
         name = env_id.removeprefix("fieldgym/")
         figures = (
             ("single, analytic", lambda e=env_id: single_decisions(e, quick, backend="analytic")),

@@ -61,14 +61,14 @@ def main(
     from rich.console import Console
 
     from fieldgym.agents.learning.train_settings import ALGORITHMS, tuned
-    from fieldgym.envs import describe
+    from fieldgym.envs import task
 
     env_id = environment_id(env)
-    task = describe(env_id)
+    spec = task(env_id)
     if algo is not None:
         chosen(algo, ALGORITHMS, "algorithm")
     if scenario is not None:
-        chosen(scenario, task.scenarios, f"scenario of {env_id}")
+        chosen(scenario, spec.scenarios, f"scenario of {env_id}")
     if steps is not None:
         at_least_one(steps, "--steps")
     if threads is not None:

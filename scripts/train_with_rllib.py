@@ -22,7 +22,7 @@ import fieldgym
 
 def main() -> None:
     """Train and print."""
-    names = {env_id.split("/")[1].split("-v")[0]: env_id for env_id in fieldgym.ENV_IDS}
+    names = {env_id.split("/")[1].split("-v")[0]: env_id for env_id in fieldgym.env_ids()}
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--id", default="SafflowerPicking", choices=tuple(names))
     parser.add_argument("--iterations", type=int, default=3)

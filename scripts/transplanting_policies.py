@@ -20,7 +20,7 @@ from fieldgym.benchmark.statistics import mean, paired_difference
 from fieldgym.envs.transplanting.config import MOTIONS, SCENARIOS
 from fieldgym.scripts.comparison import play, words
 
-ENV_ID = next(env_id for env_id in fieldgym.ENV_IDS if "Transplanting" in env_id)
+ENV_ID = next(env_id for env_id in fieldgym.env_ids() if "Transplanting" in env_id)
 
 
 def main() -> None:

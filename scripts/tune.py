@@ -40,11 +40,11 @@ def main(
 
     from fieldgym.agents.learning.train_settings import tuned
     from fieldgym.agents.learning.training import train
-    from fieldgym.envs import describe
+    from fieldgym.envs import task
 
     env_id = environment_id(env)
-    task = describe(env_id)
-    scenario = chosen(scenario or task.headline_scenario, task.scenarios, f"scenario of {env_id}")
+    spec = task(env_id)
+    scenario = chosen(scenario or spec.headline, spec.scenarios, f"scenario of {env_id}")
     at_least_one(trials, "--trials")
     at_least_one(steps, "--steps")
     name = f"{env_id.split('/')[-1]}-{scenario}"

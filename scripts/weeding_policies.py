@@ -28,7 +28,7 @@ from fieldgym.benchmark.statistics import mean, paired_difference
 from fieldgym.envs.weeding.config import SCENARIOS, ScenarioConfig
 from fieldgym.scripts.comparison import play, words
 
-WEEDING = {env_id.split("/")[1].split("-v")[0]: env_id for env_id in fieldgym.ENV_IDS if "Weeding" in env_id}
+WEEDING = {env_id.split("/")[1].split("-v")[0]: env_id for env_id in fieldgym.env_ids() if "Weeding" in env_id}
 
 
 def tiers(names: list[str], loads: list[float]) -> dict[str, ScenarioConfig]:

@@ -235,18 +235,18 @@ def test_fewer_seeds_are_the_suite_s_first_ones():
 def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or_chosen_on():
     from fieldgym.agents.learning.portable import shipped
     from fieldgym.agents.learning.runs import HELD_OUT_SEEDS, TRAINING_SEEDS
-    from fieldgym.envs import ENV_IDS, describe
+    from fieldgym.envs import env_ids, task
 
     cases = suites.suite("full").cases
     seeds = set(range(suites.FULL_FIRST_SEED, suites.FULL_FIRST_SEED + suites.FULL_EPISODES))
-    for env_id in ENV_IDS:
+    for env_id in env_ids():
         by_backend = {case.condition.backend: case for case in cases if case.condition.env_id == env_id}
-        assert {case.condition.scenario for case in by_backend.values()} == {describe(env_id).headline_scenario}
+        assert {case.condition.scenario for case in by_backend.values()} == {task(env_id).headline}
         assert {case.condition.perception for case in by_backend.values()} == {"model"}
         assert set(by_backend["analytic"].seeds) == seeds and len(seeds) >= 200
         assert by_backend["pybullet"].seeds == by_backend["analytic"].seeds[: suites.FULL_PYBULLET_EPISODES]
-    for env_id in ENV_IDS:
-        for scenario in describe(env_id).scenarios:
+    for env_id in env_ids():
+        for scenario in task(env_id).scenarios:
             path = shipped(env_id, scenario)
             if path is not None:
                 card = json.loads(path.with_suffix(".json").read_text())
@@ -258,15 +258,15 @@ def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or
 def test_suites_cover_every_environment_with_its_reference():
     from fieldgym.agents import policy_names
     from fieldgym.bounds import bounded_ids
-    from fieldgym.envs import ENV_IDS, describe
+    from fieldgym.envs import env_ids, task
 
     for name in suites.SUITES:
         cases = suites.suite(name).cases
-        assert {case.condition.env_id for case in cases} == set(ENV_IDS)
+        assert {case.condition.env_id for case in cases} == set(env_ids())
         for case in cases:
             assert case.reference in case.policies
             assert case.policies == policy_names(case.condition.env_id)
-            assert case.condition.scenario in describe(case.condition.env_id).scenarios
+            assert case.condition.scenario in task(case.condition.env_id).scenarios
             assert case.bounded == (name != "quick" and case.condition.env_id in bounded_ids())
             asked = [episode.policy for episode in case.episodes() if episode.seed == case.seeds[0]]
             assert asked == [*case.policies, *([BOUND] if case.bounded else [])]

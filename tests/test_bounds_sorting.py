@@ -11,9 +11,9 @@ from fieldgym import bounds
 from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.bounds import belt, sorting
+from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.sorting.config import SCENARIOS, PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.core import SortingCore
-from fieldgym.envs.sorting.machine import AnalyticSorter
 from fieldgym.envs.sorting.state import PASSING_S
 
 ID = "fieldgym/ProduceSorting-v0"
@@ -36,7 +36,7 @@ def toy(seed: int, items: int = 4) -> SortingCore:
 def carried_on(core: SortingCore, action: int) -> tuple[SortingCore, float, bool]:
     child = copy.deepcopy(core)
     plan = child.plan(np.array([action]))
-    result = child.apply(plan, AnalyticSorter(child).execute(plan))
+    result = child.apply(plan, NominalExecutor(child).execute(plan))
     return child, float(result.rewards.sum()), bool(result.terminated[0] or result.truncated[0])
 
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from fieldgym.envs import ENV_IDS, describe, register
+from fieldgym.envs import env_ids, register, task
 
 MODES = ("NextStep", "SameStep")
-BOTH = [(env_id, backend) for env_id in ENV_IDS for backend in describe(env_id).backends]
+BOTH = [(env_id, backend) for env_id in env_ids() for backend in task(env_id).backends]
 
 
 def legal_actions(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -45,7 +45,7 @@ def trajectory_hash(env_id: str, backend: str, seeds: range = range(8), decision
     return total.hexdigest()
 
 
-@pytest.mark.parametrize("env_id", ENV_IDS)
+@pytest.mark.parametrize("env_id", env_ids())
 def test_registration_is_idempotent_and_named_module_works(env_id):
     register()
     env = gym.make("fieldgym:" + env_id, backend="analytic")
@@ -84,7 +84,7 @@ def test_same_trajectories_in_different_processes(env_id, backend):
     assert len(hashes) == 1
 
 
-@pytest.mark.parametrize("env_id", ENV_IDS)
+@pytest.mark.parametrize("env_id", env_ids())
 def test_masks_agree_and_arrays_are_never_shared(env_id):
     env = gym.make(env_id, backend="analytic")
     observation, info = env.reset(seed=1)
@@ -103,8 +103,8 @@ def test_masks_agree_and_arrays_are_never_shared(env_id):
         observation, info = following[0], following[-1]
 
 
-BATCHES = [(env_id, describe(env_id).headline_scenario, "NextStep", 64, 110) for env_id in ENV_IDS]
-BATCHES += [(env_id, describe(env_id).scenarios[-1], mode, 8, 400) for env_id in ENV_IDS for mode in MODES]
+BATCHES = [(env_id, task(env_id).headline, "NextStep", 64, 110) for env_id in env_ids()]
+BATCHES += [(env_id, task(env_id).scenarios[-1], mode, 8, 400) for env_id in env_ids() for mode in MODES]
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import fieldgym  # noqa: F401
 from fieldgym.agents import make_policy, policy_names
+from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel
 from fieldgym.envs.weeding.core import WeedingCore
 from fieldgym.envs.weeding.field import PAD
@@ -29,7 +30,6 @@ from fieldgym.envs.weeding.tools.hoe.process import (
     label_mode,
     uproot_probability,
 )
-from fieldgym.envs.weeding.tools.laser.machine import AnalyticWeeder
 from fieldgym.motion import QUINTIC
 
 ENV_ID = "fieldgym/HoeWeeding-v0"
@@ -67,7 +67,7 @@ def toy(weeds, crop_at=None, tolerance_m=0.010, **changes) -> WeedingCore:
 
 def act(core, action):
     plan = core.plan(np.array([action]))
-    return plan, core.apply(plan, AnalyticWeeder().execute(plan))
+    return plan, core.apply(plan, NominalExecutor(core).execute(plan))
 
 
 def drive_until(core, slot):

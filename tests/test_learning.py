@@ -17,7 +17,7 @@ from fieldgym.agents.learning import portable
 from fieldgym.agents.policies.layout import Layout, layout_of
 from fieldgym.agents.policies.network import NetworkPolicy, shapes
 from fieldgym.agents.policies.weights import LEARNED, PolicyFileError
-from fieldgym.envs import ENV_IDS
+from fieldgym.envs import env_ids
 
 ID = "fieldgym/SafflowerPicking-v0"
 LAYOUT = Layout(machine=6, candidates=16, features=11, options=3, extras=1)
@@ -48,7 +48,7 @@ def shuffled(observation: dict[str, np.ndarray], layout: Layout, order: np.ndarr
     return {**observation, "candidates": table.reshape(len(table), -1), "action_mask": mask}
 
 
-@pytest.mark.parametrize("env_id", ENV_IDS)
+@pytest.mark.parametrize("env_id", env_ids())
 def test_every_task_has_a_layout(env_id):
     env: Any = gym.make_vec(env_id, 2, vectorization_mode="vector_entry_point")
     layout = layout_of(env)
@@ -243,7 +243,7 @@ def test_a_policy_fits_another_number_of_slots_and_no_other_task(tmp_path, relat
     assert observation["action_mask"][policy.act({n: v[None] for n, v in observation.items()})[0]] == 1
     with pytest.raises(ValueError, match="16 x 11"):
         some_policy(relations=relations).logits({n: v[None] for n, v in observation.items()})
-    other = [env_id for env_id in ENV_IDS if env_id != ID]
+    other = [env_id for env_id in env_ids() if env_id != ID]
     for env_id in other:
         with pytest.raises(PolicyFileError, match="was trained on"):
             portable.load_for(tmp_path / "p.npz", gym.make_vec(env_id, 1, vectorization_mode="vector_entry_point"))
@@ -298,7 +298,7 @@ def test_a_bad_file_is_named_in_one_line(tmp_path, damage, word):
     assert "\n" not in str(caught.value) and path.stem in str(caught.value)
 
 
-@pytest.mark.parametrize("env_id", ENV_IDS)
+@pytest.mark.parametrize("env_id", env_ids())
 def test_shipped_policies_score_what_their_cards_say(env_id):
     paths = sorted((Path(fieldgym.__file__).parent / "assets" / "policies").glob(f"{env_id.split('/')[-1]}.*.npz"))
     assert (LEARNED in policy_names(env_id)) == bool(paths)

@@ -17,7 +17,7 @@ from fieldgym.agents.policies import search as planning
 from fieldgym.agents.policies.sorting_value import ValueSearch, describe_all
 from fieldgym.agents.policies.value_weights import SHAPES, VALUE, ValueWeights
 from fieldgym.agents.policies.weights import PolicyFileError
-from fieldgym.envs import ENV_IDS
+from fieldgym.envs import env_ids
 from fieldgym.envs.sorting.features import candidate_table
 
 ID = "fieldgym/ProduceSorting-v0"
@@ -187,7 +187,7 @@ def test_what_it_is_not_made_for_is_refused(tmp_path):
     from fieldgym.agents.learning.policy_iteration import iterate
 
     with pytest.raises(ValueError, match="choose maskable-ppo or ppo"):
-        iterate(ENV_IDS[0], SMALL, tmp_path)
+        iterate(env_ids()[0], SMALL, tmp_path)
     with pytest.raises(ValueError, match="needs a teacher"):
         iterate(ID, TrainSettings.of({**SMALL.as_dict(), "teacher": None}), tmp_path)
     assert tuned(ID).algo == "policy-iteration"
@@ -222,6 +222,6 @@ def test_bad_weights_are_refused(changes, word):
 
 
 def test_weights_for_sorting_fit_no_other_task():
-    other: Any = gym.make(ENV_IDS[0], backend="analytic")
+    other: Any = gym.make(env_ids()[0], backend="analytic")
     with pytest.raises(PolicyFileError, match="another task"):
         some_weights().fitted(other)

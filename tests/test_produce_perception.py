@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.sorting.config import SCENARIOS, BeltConfig, PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.core import SortingCore
 from fieldgym.envs.sorting.field import ARRIVAL_S, centre_height_m
-from fieldgym.envs.sorting.machine import AnalyticSorter
 from fieldgym.envs.sorting.reports import wrapped
 from fieldgym.envs.sorting.scene import OPEN_M, ShownItem, SorterScene, item_colour
 from fieldgym.envs.sorting.view import SorterView, sensor_noise
@@ -131,7 +131,7 @@ def test_a_small_measurement_agrees_with_the_shipped_one():
 def test_what_is_carried_is_drawn_between_the_fingers_at_any_rate_of_pictures(monkeypatch, frames_per_second):
     core = SortingCore(SortingConfig(scenario=SCENARIOS["load-1.25"]), PerceptionModel.perfect())
     core.reset_rows(np.array([0]), [np.random.default_rng(4)])
-    view, executor, sorter = SorterView(core), AnalyticSorter(core), core.config.machine.sorter
+    view, executor, sorter = SorterView(core), NominalExecutor(core), core.config.machine.sorter
     gaps: list[float] = []
 
     def off(time_s, way, row, carried=None, gap_m=OPEN_M):

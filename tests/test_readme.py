@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from fieldgym.envs import ENV_IDS, describe
+from fieldgym.envs import env_ids, task
 from fieldgym.scripts import cli
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -34,9 +34,9 @@ def test_every_command_exists_with_its_options():
 
 
 def test_the_table_has_every_environment_with_its_scenarios():
-    for env_id in ENV_IDS:
+    for env_id in env_ids():
         row = next(line for line in README.splitlines() if line.startswith(f"| `{env_id}`"))
-        assert all(f"`{scenario}`" in row for scenario in describe(env_id).scenarios)
+        assert all(f"`{scenario}`" in row for scenario in task(env_id).scenarios)
 
 
 def test_linked_files_exist():

@@ -395,10 +395,10 @@ def test_policies_that_meet_look_different():
 
 def test_every_registered_policy_has_a_colour_of_its_own_in_its_task(study: reader.Study):
     from fieldgym.agents import policy_names
-    from fieldgym.envs import ENV_IDS
+    from fieldgym.envs import env_ids
 
     styles = page.styles_of(study)
-    for env_id in ENV_IDS:
+    for env_id in env_ids():
         colours = [styles[name].colour for name in policy_names(env_id)]
         assert len(set(colours)) == len(colours), env_id
 

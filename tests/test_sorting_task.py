@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.policies.sorting import RecedingHorizon
+from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.sorting import reach
 from fieldgym.envs.sorting.config import (
     GRADES,
@@ -46,7 +47,7 @@ from fieldgym.envs.sorting.field import (
     gap_s,
     random_numbers,
 )
-from fieldgym.envs.sorting.machine import AnalyticSorter, PyBulletSorter
+from fieldgym.envs.sorting.machine import PyBulletSorter
 from fieldgym.envs.sorting.motions import PickMotion, follow_share
 from fieldgym.envs.sorting.process import Fingers, grip_quality, holds, slips
 from fieldgym.envs.sorting.reports import begin_worlds, wrapped
@@ -89,7 +90,7 @@ def toy(items: list[dict], luck: float = 0.5, slip: float = 0.5, **changes) -> S
 
 def decide(core: SortingCore, action: int):
     plan = core.plan(np.array([action]))
-    return plan, core.apply(plan, AnalyticSorter(core).execute(plan))
+    return plan, core.apply(plan, NominalExecutor(core).execute(plan))
 
 
 def scores(core: SortingCore) -> dict[str, float]:
@@ -242,7 +243,7 @@ def test_the_shipped_reach_is_what_the_mechanism_gives():
 
 def _plans(worlds: int = 16, decisions: int = 14):
     core = SortingCore(SortingConfig(scenario=SCENARIOS["load-1.6"]), PerceptionModel.measured(), worlds)
-    executor, rng = AnalyticSorter(core), np.random.default_rng(3)
+    executor, rng = NominalExecutor(core), np.random.default_rng(3)
     core.reset_rows(np.arange(worlds), [np.random.default_rng(100 + i) for i in range(worlds)])
     for _ in range(decisions):
         mask = core.observe()["action_mask"]
@@ -466,12 +467,12 @@ def test_the_search_places_as_many_as_the_best_order(seed):
 @pytest.mark.slow
 def test_pybullet_agrees_with_the_plan():
     """Cycle time within 2 %, net rate within 1.5 points, on the same streams with the same decisions' rule."""
-    cards: dict[type, list] = {AnalyticSorter: [], PyBulletSorter: []}
+    cards: dict[type, list] = {NominalExecutor: [], PyBulletSorter: []}
     scenario = replace(SCENARIOS["load-1.25"], stream_s=30.0)
     for executor in cards:
         env = gym.make(
             ID,
-            backend="analytic" if executor is AnalyticSorter else "pybullet",
+            backend="analytic" if executor is NominalExecutor else "pybullet",
             perception="perfect",
             config=SortingConfig(scenario=scenario),
         )
@@ -488,8 +489,8 @@ def test_pybullet_agrees_with_the_plan():
     def mean(executor, key):
         return float(np.mean([card[key] for card in cards[executor]]))
 
-    assert mean(PyBulletSorter, "net_rate") == pytest.approx(mean(AnalyticSorter, "net_rate"), abs=0.015)
-    assert mean(PyBulletSorter, "cycle_time_s") == pytest.approx(mean(AnalyticSorter, "cycle_time_s"), rel=0.02)
+    assert mean(PyBulletSorter, "net_rate") == pytest.approx(mean(NominalExecutor, "net_rate"), abs=0.015)
+    assert mean(PyBulletSorter, "cycle_time_s") == pytest.approx(mean(NominalExecutor, "cycle_time_s"), rel=0.02)
 
 
 @pytest.mark.parametrize(

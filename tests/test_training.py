@@ -14,7 +14,7 @@ import pytest
 
 import fieldgym  # noqa: F401
 from fieldgym.agents.learning.train_settings import TrainSettings, tuned
-from fieldgym.envs import ENV_IDS, describe
+from fieldgym.envs import env_ids, task
 
 ID = "fieldgym/SafflowerPicking-v0"
 SMALL = TrainSettings(
@@ -117,7 +117,7 @@ train({ID!r}, settings, Path({str(tmp_path)!r}), threads=1, on_update=lambda p: 
     assert all(np.array_equal(one[key], other[key]) for key in one)
 
 
-@pytest.mark.parametrize("env_id", [env_id for env_id in ENV_IDS if env_id != ID])
+@pytest.mark.parametrize("env_id", [env_id for env_id in env_ids() if env_id != ID])
 def test_every_task_goes_on_as_it_was(env_id, tmp_path):
     pytest.importorskip("sb3_contrib")
     from fieldgym.agents.learning.training import train
@@ -183,10 +183,10 @@ def test_a_pupil_begins_with_what_its_teacher_does(tmp_path):
         train(ID, TrainSettings.of({**settings.as_dict(), "teacher_decisions": 16}), tmp_path / "short", threads=1)
 
 
-@pytest.mark.parametrize("env_id", ENV_IDS)
+@pytest.mark.parametrize("env_id", env_ids())
 def test_shipped_settings_fit_every_scenario(env_id):
     pytest.importorskip("yaml")
-    for scenario in describe(env_id).scenarios:
+    for scenario in task(env_id).scenarios:
         assert tuned(env_id, scenario).scenario == scenario
 
 

@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 
 import fieldgym  # noqa: F401
 from fieldgym.agents import make_policy
+from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel, ProcessConfig, WeedingConfig
 from fieldgym.envs.weeding.env import laser_core
 from fieldgym.envs.weeding.field import PAD, draw_blocks, draw_plants, random_numbers
 from fieldgym.envs.weeding.rules import NOTHING, WAIT, move_up_rows, way_of, ways_of
 from fieldgym.envs.weeding.tool import approach, dose, move_time
 from fieldgym.envs.weeding.tools.laser.aim import LaserArm, LaserReach, dwell_table, poses, spot
-from fieldgym.envs.weeding.tools.laser.machine import AnalyticWeeder, check_reach
+from fieldgym.envs.weeding.tools.laser.machine import check_reach
 from fieldgym.envs.weeding.tools.laser.process import Burn, ed50_j, kill_probability, label_dose, overlap, tolerance_j
 from fieldgym.motion import QUINTIC
 
@@ -54,7 +55,7 @@ def toy(weeds, kinds=None, crop_at=None, **changes):
 
 def act(core, action):
     plan = core.plan(np.array([action]))
-    return plan, core.apply(plan, AnalyticWeeder().execute(plan))
+    return plan, core.apply(plan, NominalExecutor(core).execute(plan))
 
 
 def test_a_shot_takes_move_correction_and_burn_and_the_cart_drives_on():

@@ -145,9 +145,9 @@ def tuned(env_id: str, scenario: str | None = None, config: Path | None = None, 
     Raises:
         ValueError: a file cannot be read or holds something else than settings.
     """
-    from ...envs import describe
+    from ...envs import task
 
-    task = describe(env_id)
+    spec = task(env_id)
     name = env_id.split("/")[-1] + ".yaml"
     shipped = resources.files(__name__.rpartition(".")[0]) / "settings" / name
     layers = [_parsed(shipped.read_text("utf-8"), name)] if shipped.is_file() else []
@@ -161,9 +161,9 @@ def tuned(env_id: str, scenario: str | None = None, config: Path | None = None, 
     values: dict[str, Any] = {}
     for layer in layers:
         values.update(layer.get("defaults") or {})
-    chosen = scenario or values.get("scenario") or task.headline_scenario
-    if chosen not in task.scenarios:
-        raise ValueError(f"scenario = {chosen!r}: choose one of {', '.join(task.scenarios)}")
+    chosen = scenario or values.get("scenario") or spec.headline
+    if chosen not in spec.scenarios:
+        raise ValueError(f"scenario = {chosen!r}: choose one of {', '.join(spec.scenarios)}")
     for layer in layers:
         values.update((layer.get("scenarios") or {}).get(chosen) or {})
     values.update({key: value for key, value in given.items() if value is not None})

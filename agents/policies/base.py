@@ -33,8 +33,26 @@ class Policy(Protocol):
 class StatelessPolicy:
     """Base of policies that remember nothing."""
 
+    @classmethod
+    def make(cls, env: Any, seed: int) -> Any:
+        """The policy for an environment; the factory under which it is registered."""
+        return cls()
+
     def reset(self, rows: NDArray[np.bool_]) -> None:
         """Nothing to forget."""
+
+
+class ConfiguredPolicy(StatelessPolicy):
+    """Base of policies that remember nothing and know the task's public numbers."""
+
+    def __init__(self, config: Any):
+        """Take what is needed from the configuration."""
+        self.config = config
+
+    @classmethod
+    def make(cls, env: Any, seed: int) -> Any:
+        """The policy for an environment; the factory under which it is registered."""
+        return cls(env.unwrapped.core.config)
 
 
 class RandomPolicy(StatelessPolicy):
@@ -45,6 +63,11 @@ class RandomPolicy(StatelessPolicy):
     def __init__(self, seed: int = 0):
         """Seed the policy's own generator."""
         self._generator = np.random.default_rng(seed)
+
+    @classmethod
+    def make(cls, env: Any, seed: int) -> RandomPolicy:
+        """The policy for an environment."""
+        return cls(seed)
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""

@@ -19,7 +19,7 @@ from ...envs.safflower.features import (
     candidate_table,
 )
 from ...motion import QUINTIC
-from .base import Actions, Observation, StatelessPolicy
+from .base import Actions, ConfiguredPolicy, Observation, StatelessPolicy
 from .routes import open_route, shortest_route
 
 NORMAL = EFFORTS.index("normal")
@@ -98,7 +98,7 @@ class _Routes:
         return QUINTIC.duration_unchecked(strokes, self._velocity, self._acceleration).max(axis=-1)
 
 
-class NearestTwoOpt(StatelessPolicy):
+class NearestTwoOpt(ConfiguredPolicy):
     """The first head of an open route through all open heads at the stop: nearest neighbour mended by 2-opt moves."""
 
     name = "nearest-2opt"
@@ -114,7 +114,7 @@ class NearestTwoOpt(StatelessPolicy):
         return _pick(slot, NORMAL, open_heads.any(axis=1), open_heads.shape[1])
 
 
-class GramsPerSecond(StatelessPolicy):
+class GramsPerSecond(ConfiguredPolicy):
     """The soonest reached open head that is worth its time, with the effort that brings most for it.
 
     An effort is worth its expected grams less its seconds at a price: what the reward charges while the row can be

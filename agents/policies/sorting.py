@@ -20,7 +20,7 @@ from ...envs.sorting.features import (
 )
 from ...envs.sorting.reports import SWING_M
 from ...motion import QUINTIC
-from .base import Actions, Observation, StatelessPolicy
+from .base import Actions, ConfiguredPolicy, Observation, StatelessPolicy
 from .search import NOTHING, Step, search
 
 Array = NDArray[np.float64]
@@ -194,7 +194,7 @@ def prospect(problem: Picks, w: int, clock_s: float, used: int, last: int) -> fl
 bind(Picks, extend, prospect)
 
 
-class PickPlanner(StatelessPolicy):
+class PickPlanner(ConfiguredPolicy):
     """Base of policies that plan a few picks ahead with a beam search, carry out the first and plan again.
 
     Later picks start level over the bin of the one before.
@@ -287,3 +287,8 @@ class RecedingHorizon(PickPlanner):
             gain = gain * table[..., COLUMN["value"]]
         picks = self._picks(observation, gain, self._price)
         return self._plan(picks, picks)
+
+
+def receding_horizon_by_value(env: Any, seed: int) -> RecedingHorizon:
+    """``receding-horizon-value``: counts values instead of items."""
+    return RecedingHorizon(env.unwrapped.core.config, by_value=True)

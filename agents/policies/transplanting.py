@@ -13,7 +13,7 @@ from ...envs.transplanting.config import SPEEDS, TransplantingConfig
 from ...envs.transplanting.features import CANDIDATE_FEATURES, MACHINE_FEATURES, MOVE_SCALE_S, candidate_table
 from ...envs.transplanting.motions import motions
 from ...envs.transplanting.process import damage_chances, loss_chances
-from .base import Actions, Observation, StatelessPolicy
+from .base import Actions, ConfiguredPolicy, Observation
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ def wanted(observation: Observation) -> NDArray[np.bool_]:
     )
 
 
-class _Rule(StatelessPolicy):
+class _Rule(ConfiguredPolicy):
     """A pair of the presented rows while there is one worth planting, else the conveyor that brings the next one."""
 
     def __init__(self, config: TransplantingConfig, *, choose_speed: bool = True):

@@ -17,7 +17,7 @@ from ...envs.weeding.features import (
     candidate_table,
 )
 from ...envs.weeding.rules import MODES
-from .base import Actions, Observation, StatelessPolicy
+from .base import Actions, ConfiguredPolicy, Observation
 from .weeding_outlook import outlook
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ class View(NamedTuple):
     work_s: Array
 
 
-class ScriptedWeeder(StatelessPolicy):
+class ScriptedWeeder(ConfiguredPolicy):
     """Shared reading of observations.
 
     Args:

@@ -12,7 +12,7 @@ from ...envs.weeding.features import ACROSS_SCALE_M, ALONG_SCALE_M, CANDIDATE_FE
 from ...envs.weeding.tool import approach, move_time
 from .base import Actions, Observation
 from .search import NOTHING, Step, search
-from .weeding import ScriptedWeeder
+from .weeding import AtSpeed, HoldBacklog, ScriptedWeeder
 
 Array = NDArray[np.float64]
 
@@ -177,3 +177,23 @@ class RecedingHorizon(ScriptedWeeder):
         modes = len(view.work_s)
         answer = search(shots, start, idle, modes, present.sum(axis=1), self._depth, self._width)
         return np.where(answer == NOTHING, self.wait, answer)
+
+
+def constant_075(env: Any, seed: int) -> AtSpeed:
+    """``receding-horizon`` at three quarters of the scenario's speed."""
+    return AtSpeed(RecedingHorizon.make(env, seed), 0.75)
+
+
+def constant_1(env: Any, seed: int) -> AtSpeed:
+    """``receding-horizon`` at the scenario's speed."""
+    return AtSpeed(RecedingHorizon.make(env, seed), 1.0)
+
+
+def constant_15(env: Any, seed: int) -> AtSpeed:
+    """``receding-horizon`` at one and a half times the scenario's speed."""
+    return AtSpeed(RecedingHorizon.make(env, seed), 1.5)
+
+
+def hold_backlog(env: Any, seed: int) -> HoldBacklog:
+    """``receding-horizon`` at a speed that keeps the backlog constant."""
+    return HoldBacklog(RecedingHorizon.make(env, seed))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...agents import policy_names, reference_policy
-from ...envs import ENV_IDS
+from ...envs import env_ids
 from ..statistics import CONFIDENCE, FEWEST_PAIRS, RESAMPLES
 from . import grids, sections
 from .markup import Markup, join, tag
@@ -52,10 +52,10 @@ def styles_of(study: Study) -> dict[str, Style]:
         for item in study.chapters
     }
     groups = []
-    for env_id in ENV_IDS:
+    for env_id in env_ids():
         known = policy_names(env_id)
         groups.append([*known, *sorted(there.get(env_id, set()).difference(known))])
-    return policy_styles(groups, [reference_policy(env_id) for env_id in ENV_IDS])
+    return policy_styles(groups, [reference_policy(env_id) for env_id in env_ids()])
 
 
 def _header(study: Study) -> Markup:

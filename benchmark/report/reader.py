@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...agents import policy_names, reference_policy
-from ...envs import ENV_IDS, describe
-from ...envs.registry import TaskDescription
+from ...envs import env_ids, task
+from ...envs.task import TaskSpec
 from ..limits import CURVE_SHARES, limits
 from ..record import Record, condition
 from ..statistics import Difference, mean, paired_difference
@@ -120,7 +120,7 @@ class Chapter:
         compared: the two conditions of ``transfer``, analytic first.
     """
 
-    task: TaskDescription
+    task: TaskSpec
     headline: Tier
     others: tuple[Tier, ...]
     transfer: tuple[Transfer, ...]
@@ -155,7 +155,7 @@ def load(folder: Path) -> Study:
         ) from None
     groups: dict[Condition, list[Record]] = {}
     for record in found:
-        if "error" not in record and record["env_id"] in ENV_IDS:
+        if "error" not in record and record["env_id"] in env_ids():
             groups.setdefault(condition(record), []).append(record)
     if not groups:
         raise ResultsError(f"{folder / EPISODES} holds no finished episode: go on with fieldgym benchmark --resume")
@@ -165,10 +165,10 @@ def load(folder: Path) -> Study:
         rows.setdefault(row.condition, []).append(row)
     tiers = {group: _tier(group, members, rows[group], bounds) for group, members in groups.items()}
     chapters = []
-    for env_id in ENV_IDS:
+    for env_id in env_ids():
         own = [tier for group, tier in tiers.items() if group.env_id == env_id]
         if own:
-            chapters.append(_chapter(describe(env_id), own))
+            chapters.append(_chapter(task(env_id), own))
     return Study(_manifest(folder), tuple(chapters))
 
 
@@ -188,12 +188,12 @@ def _case(group: Condition, members: Sequence[Record]) -> Case:
     return Case(group, tuple(policies), reference_policy(group.env_id), seeds)
 
 
-def _chapter(task: TaskDescription, tiers: Sequence[Tier]) -> Chapter:
+def _chapter(task: TaskSpec, tiers: Sequence[Tier]) -> Chapter:
     """The headline is the headline scenario where most episodes were run, PyBullet first when they are as many."""
 
     def rank(tier: Tier) -> tuple[bool, int, bool]:
         where = tier.condition
-        return where.scenario == task.headline_scenario, len(tier.seeds), where.backend == "pybullet"
+        return where.scenario == task.headline, len(tier.seeds), where.backend == "pybullet"
 
     def place(tier: Tier) -> tuple[bool, int, str]:
         where = tier.condition

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -143,13 +143,18 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.plant_crown_m = np.zeros((b, scenario.plants))
         self.episode = np.zeros(b, np.int64)
 
-    def reset_rows(self, rows: Rows, generators: Sequence[np.random.Generator]) -> None:
-        """Draw new fields for ``rows`` and put the carts at their first stop, reports taken."""
-        if len(rows) == 0:
-            return
-        scenario, state = self.config.scenario, self.state
+    def draw(self, generators: Sequence[np.random.Generator]) -> Any:
+        """Draw fields and what the statistical camera reports of them."""
         uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
         heads, plants = draw_heads(self.config, uniform, normal)
+        if self.perception is None:
+            return heads, plants, None
+        return heads, plants, draw_tracks(self.config, self.perception, heads, camera_uniform, camera_normal)
+
+    def load(self, rows: Rows, batch: Any) -> None:
+        """Put fields into ``rows`` and the carts at their first stop, reports taken."""
+        scenario, state = self.config.scenario, self.state
+        heads, plants, tracks = batch
         state.head_position[rows, :-1] = heads.position - self.frame
         state.head_stage[rows, :-1] = heads.stage
         state.head_mass_g[rows, :-1] = heads.mass_g
@@ -172,10 +177,9 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         state.track_feature[rows] = 0.0
         state.track_legal[rows] = False
         state.track_head[rows] = state.head_mass_g.shape[1] - 1
-        if self.perception is None:
+        if tracks is None:
             state.look_due[rows] = True
         else:
-            tracks = draw_tracks(self.config, self.perception, heads, camera_uniform, camera_normal)
             self._place_tracks(rows, tracks, 0)
             state.first[rows] = tracks.first
         fill_rows(state, rows)
@@ -208,6 +212,18 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def plan(self, actions: NDArray[np.int64]) -> PickerPlan:
         """Turn actions (B,) into motions and nominal phase times."""
         return plan_worlds(self.tables, self.state, actions)
+
+    def stack(self, fields: Sequence[Any]) -> Any:
+        """The batch of fields."""
+        raise NotImplementedError
+
+    def unstack(self, batch: Any) -> list[Any]:
+        """The fields of a batch."""
+        raise NotImplementedError
+
+    def nominal(self, plan: PickerPlan) -> PickerOutcome:
+        """Nominal phase times, the tool exactly where it was sent."""
+        return PickerOutcome(plan.phases_s, plan.target)
 
     def apply(self, plan: PickerPlan, outcome: PickerOutcome) -> StepResult:
         """Cut, collect, book the time and move to the next decision."""

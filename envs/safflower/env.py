@@ -2,21 +2,44 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from gymnasium.vector import AutoresetMode
-
-from ..core import configured
-from ..single import TaskEnv, single_perception
-from ..vector import TaskVectorEnv, batched_perception
+from ..assembly import Assembly
+from ..single import TaskEnv
+from ..vector import TaskVectorEnv
 from .config import SCENARIOS, PerceptionModel, SafflowerConfig
 from .core import PickerOutcome, SafflowerCore
-from .machine import AnalyticPicker, PyBulletPicker
 from .rules import PickerPlan
 
 if TYPE_CHECKING:
+    from .machine import PyBulletPicker
     from .view import PickerView
+
+# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
+
+
+def _machine(core: SafflowerCore) -> PyBulletPicker:
+    from .machine import PyBulletPicker
+
+    return PyBulletPicker(core)
+
+
+def _view(core: SafflowerCore, window: bool) -> PickerView:
+    from .view import PickerView
+
+    return PickerView(core, window)
+
+
+PICKER: Assembly[Any] = Assembly(
+    config=SafflowerConfig,
+    scenarios=SCENARIOS,
+    core=SafflowerCore,
+    perfect=lambda config: PerceptionModel.perfect(),
+    measured=lambda config: PerceptionModel.measured(config.scenario.camera_fit),
+    machine=_machine,
+    view=_view,
+    settings={"slots": "slots"},
+)
 
 
 class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
@@ -62,59 +85,10 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
         ValueError: an argument is unknown or out of range; the message says what is allowed.
     """
 
-    def __init__(
-        self,
-        scenario: str | None = None,
-        backend: str = "pybullet",
-        perception: str | None = None,
-        slots: int | None = None,
-        config: SafflowerConfig | None = None,
-        render_mode: str | None = None,
-    ):
-        """Build the rules, the executor and, where asked for, the scene."""
-        config = configured(config or SafflowerConfig(), SCENARIOS, scenario, slots=slots)
-        perception = single_perception(backend, perception)
-        core = SafflowerCore(config, perception_model(perception, config))
-        executor = AnalyticPicker() if backend == "analytic" else PyBulletPicker(core)
-        super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
+    assembly = PICKER
 
 
 class SafflowerPickingVectorEnv(TaskVectorEnv[PickerPlan, PickerOutcome]):
-    """``num_envs`` worlds of ``fieldgym/SafflowerPicking-v0`` in one batch, with the analytic backend.
+    """``num_envs`` worlds of ``fieldgym/SafflowerPicking-v0`` in one batch, with the analytic backend."""
 
-    Args as in ``SafflowerPickingEnv`` and ``TaskVectorEnv``. PyBullet machines run one a process: use
-    ``vectorization_mode="async"`` for those.
-    """
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        scenario: str | None = None,
-        backend: str = "analytic",
-        perception: str | None = None,
-        slots: int | None = None,
-        config: SafflowerConfig | None = None,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        render_mode: str | None = None,
-    ):
-        """Build the rules for all worlds."""
-        perception = batched_perception(backend, perception, render_mode)
-        config = configured(config or SafflowerConfig(), SCENARIOS, scenario, slots=slots)
-        core = SafflowerCore(config, perception_model(perception, config), num_envs)
-        super().__init__(core, AnalyticPicker(), autoreset_mode)
-
-
-def _make_view(core: SafflowerCore, window: bool) -> PickerView:
-    # Rendering and OpenCV load only where something is seen.
-    from .view import PickerView
-
-    return PickerView(core, window)
-
-
-def perception_model(perception: str, config: SafflowerConfig) -> PerceptionModel | None:
-    """Statistics behind a perception level; None when reports come from a camera."""
-    if perception == "camera":
-        return None
-    if perception == "perfect":
-        return PerceptionModel.perfect()
-    return PerceptionModel.measured(config.scenario.camera_fit)
+    assembly = PICKER

@@ -1,4 +1,4 @@
-"""What carries a picking plan out: the plan's own word, or the machine in PyBullet."""
+"""The machine in PyBullet that carries a picking plan out."""
 
 from __future__ import annotations
 
@@ -18,20 +18,6 @@ _REST_TOLERANCE_M = 5e-4
 _REST_LIMIT_S = 0.5
 """Longest wait for that; what is left then is the error that the cut sees."""
 _WAIT_S = 0.025
-
-
-class AnalyticPicker:
-    """Executor that takes the plan's word: nominal phase times, the tool exactly where it was sent."""
-
-    def reset_rows(self, rows: Rows) -> None:
-        """Nothing to prepare."""
-
-    def execute(self, plan: PickerPlan) -> PickerOutcome:
-        """What the plan says."""
-        return PickerOutcome(plan.phases_s, plan.target)
-
-    def close(self) -> None:
-        """Nothing to free."""
 
 
 class PyBulletPicker:

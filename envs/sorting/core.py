@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -87,11 +87,13 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         """Seconds since the stream began, (B,)."""
         return self.state.totals[:, TIME]
 
-    def reset_rows(self, rows: Rows, generators: Sequence[np.random.Generator]) -> None:
-        """Draw new streams for ``rows``; the belt is full up to the reach, the platform rests in the middle."""
-        if len(rows) == 0:
-            return
-        uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
+    def draw(self, generators: Sequence[np.random.Generator]) -> Any:
+        """Draw new streams."""
+        return draw_blocks(generators, self._numbers)
+
+    def load(self, rows: Rows, batch: Any) -> None:
+        """Put streams into ``rows``; the belt is full up to the reach, the platform rests in the middle."""
+        uniform, normal, camera_uniform, camera_normal = batch
         draw_items(self._stream, self.items, rows, uniform, normal)
         begin_worlds(self.tables, self.state, rows, self.items)
         self.episode[rows] += 1
@@ -126,6 +128,19 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
     def phases_of(self, plan: SorterPlan, held: NDArray[np.bool_]) -> Array:
         """Nominal seconds (B, 7) of each phase: after an empty grip the platform only comes to rest."""
         return end_phases(plan, held, self.tables.stop_s)
+
+    def stack(self, fields: Sequence[Any]) -> Any:
+        """The batch of fields."""
+        raise NotImplementedError
+
+    def unstack(self, batch: Any) -> list[Any]:
+        """The fields of a batch."""
+        raise NotImplementedError
+
+    def nominal(self, plan: SorterPlan) -> SorterOutcome:
+        """Nominal phase times, the tool exactly where it was sent."""
+        grip = self.foreseen(plan)
+        return SorterOutcome(self.phases_of(plan, grip.held), grip)
 
     def apply(self, plan: SorterPlan, outcome: SorterOutcome) -> StepResult:
         """Book the item and the time, and move to the next decision."""

@@ -2,21 +2,44 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from gymnasium.vector import AutoresetMode
-
-from ..core import configured
-from ..single import TaskEnv, single_perception
-from ..vector import TaskVectorEnv, batched_perception
+from ..assembly import Assembly
+from ..single import TaskEnv
+from ..vector import TaskVectorEnv
 from .config import SCENARIOS, PerceptionModel, SortingConfig
 from .core import SorterOutcome, SortingCore
-from .machine import AnalyticSorter, PyBulletSorter
 from .state import SorterPlan
 
 if TYPE_CHECKING:
+    from .machine import PyBulletSorter
     from .view import SorterView
+
+# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
+
+
+def _machine(core: SortingCore) -> PyBulletSorter:
+    from .machine import PyBulletSorter
+
+    return PyBulletSorter(core)
+
+
+def _view(core: SortingCore, window: bool) -> SorterView:
+    from .view import SorterView
+
+    return SorterView(core, window)
+
+
+SORTER: Assembly[Any] = Assembly(
+    config=SortingConfig,
+    scenarios=SCENARIOS,
+    core=SortingCore,
+    perfect=lambda config: PerceptionModel.perfect(),
+    measured=lambda config: PerceptionModel.measured(),
+    machine=_machine,
+    view=_view,
+    settings={"slots": "slots"},
+)
 
 
 class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
@@ -71,60 +94,10 @@ class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
         ValueError: an argument is unknown or out of range; the message says what is allowed.
     """
 
-    def __init__(
-        self,
-        scenario: str | None = None,
-        backend: str = "pybullet",
-        perception: str | None = None,
-        slots: int | None = None,
-        config: SortingConfig | None = None,
-        render_mode: str | None = None,
-    ):
-        """Build the rules, the executor and, where asked for, the scene."""
-        config = configured(config or SortingConfig(), SCENARIOS, scenario, slots=slots)
-        perception = single_perception(backend, perception)
-        core = SortingCore(config, perception_model(perception))
-        executor = AnalyticSorter(core) if backend == "analytic" else PyBulletSorter(core)
-        super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
+    assembly = SORTER
 
 
 class ProduceSortingVectorEnv(TaskVectorEnv[SorterPlan, SorterOutcome]):
-    """``num_envs`` worlds of ``fieldgym/ProduceSorting-v0`` in one batch, with the analytic backend.
+    """``num_envs`` worlds of ``fieldgym/ProduceSorting-v0`` in one batch, with the analytic backend."""
 
-    Args as in ``ProduceSortingEnv`` and ``TaskVectorEnv``. PyBullet machines run one a process: use
-    ``vectorization_mode="async"`` for those.
-    """
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        scenario: str | None = None,
-        backend: str = "analytic",
-        perception: str | None = None,
-        slots: int | None = None,
-        config: SortingConfig | None = None,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        render_mode: str | None = None,
-    ):
-        """Build the rules for all worlds."""
-        perception = batched_perception(backend, perception, render_mode)
-        core = SortingCore(
-            configured(config or SortingConfig(), SCENARIOS, scenario, slots=slots),
-            perception_model(perception),
-            num_envs,
-        )
-        super().__init__(core, AnalyticSorter(core), autoreset_mode)
-
-
-def perception_model(perception: str) -> PerceptionModel | None:
-    """Statistics behind a perception level; None when reports come from a camera."""
-    if perception == "camera":
-        return None
-    return PerceptionModel.perfect() if perception == "perfect" else PerceptionModel.measured()
-
-
-def _make_view(core: SortingCore, window: bool) -> SorterView:
-    # Rendering and OpenCV load only where something is seen.
-    from .view import SorterView
-
-    return SorterView(core, window)
+    assembly = SORTER

@@ -1,4 +1,4 @@
-"""What carries a sorting plan out: the plan's own word, or the machine in PyBullet."""
+"""The machine in PyBullet that carries a sorting plan out."""
 
 from __future__ import annotations
 
@@ -16,25 +16,6 @@ _REST_TOLERANCE_M = 5e-4
 _REST_LIMIT_S = 0.5
 """Longest wait for that."""
 _WAIT_S = 0.025
-
-
-class AnalyticSorter:
-    """Executor that takes the plan's word: nominal phase times, the tool exactly where it was sent."""
-
-    def __init__(self, core: SortingCore):
-        """Know the rules: what the fingers get decides which way the motion goes on."""
-        self._core = core
-
-    def reset_rows(self, rows: Rows) -> None:
-        """Nothing to prepare."""
-
-    def execute(self, plan: SorterPlan) -> SorterOutcome:
-        """What the plan says."""
-        grip = self._core.foreseen(plan)
-        return SorterOutcome(self._core.phases_of(plan, grip.held), grip)
-
-    def close(self) -> None:
-        """Nothing to free."""
 
 
 class PyBulletSorter:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -96,12 +96,13 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         self.target_looks = np.zeros((b, rows_t, m))
         self.episode = np.zeros(b, np.int64)
 
-    def reset_rows(self, rows: Rows, generators: Sequence[np.random.Generator]) -> None:
-        """Draw new trays for ``rows`` and present the first row of each."""
-        if len(rows) == 0:
-            return
-        scenario, state = self.config.scenario, self.state
-        field = draw_field(scenario, *draw_blocks(generators, self._numbers))
+    def draw(self, generators: Sequence[np.random.Generator]) -> Any:
+        """Draw trays."""
+        return draw_field(self.config.scenario, *draw_blocks(generators, self._numbers))
+
+    def load(self, rows: Rows, batch: Any) -> None:
+        """Put trays into ``rows`` and present the first row of each."""
+        state, field = self.state, batch
         state.source_cells[rows, :-1], state.target_cells[rows, :-1] = field.source, field.target
         state.target_cells[rows, -1] = HEALTHY
         state.luck[rows, :-1] = field.luck
@@ -143,6 +144,18 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
     def plan(self, actions: NDArray[np.int64]) -> TransplantPlan:
         """Turn actions (B,) into motions and nominal phase times."""
         return plan_worlds(self.tables, self.state, actions)
+
+    def stack(self, fields: Sequence[Any]) -> Any:
+        """The batch of fields."""
+        raise NotImplementedError
+
+    def unstack(self, batch: Any) -> list[Any]:
+        """The fields of a batch."""
+        raise NotImplementedError
+
+    def nominal(self, plan: TransplantPlan) -> TransplantOutcome:
+        """Nominal phase times, the tool exactly where it was sent."""
+        return TransplantOutcome(plan.phases_s, np.zeros((len(plan.kind), 2)))
 
     def apply(self, plan: TransplantPlan, outcome: TransplantOutcome) -> StepResult:
         """Move plugs, index rows, book the time."""

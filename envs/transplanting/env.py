@@ -2,22 +2,53 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gymnasium.vector import AutoresetMode
-
-from ..core import configured
-from ..single import TaskEnv, single_perception
-from ..vector import TaskVectorEnv, batched_perception
-from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, ScenarioConfig, TransplantingConfig, tray
+from ...kernels.config import override
+from ..assembly import Assembly
+from ..single import TaskEnv
+from ..vector import TaskVectorEnv
+from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, TransplantingConfig, tray
 from .core import TransplantingCore, TransplantOutcome
-from .machine import AnalyticTransplanter, PyBulletTransplanter
 from .rules import TransplantPlan
 
 if TYPE_CHECKING:
+    from .machine import PyBulletTransplanter
     from .view import TransplantView
+
+# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
+
+
+def _machine(core: TransplantingCore) -> PyBulletTransplanter:
+    from .machine import PyBulletTransplanter
+
+    return PyBulletTransplanter(core)
+
+
+def _view(core: TransplantingCore, window: bool) -> TransplantView:
+    from .view import TransplantView
+
+    return TransplantView(core, window)
+
+
+def _with_source(config: TransplantingConfig, cells: int) -> TransplantingConfig:
+    return override(config, {"scenario.source": tray(cells, SOURCE_TRAYS, "source_tray")})
+
+
+def _with_target(config: TransplantingConfig, cells: int) -> TransplantingConfig:
+    return override(config, {"scenario.target": tray(cells, TARGET_TRAYS, "target_tray")})
+
+
+TRANSPLANTER: Assembly[Any] = Assembly(
+    config=TransplantingConfig,
+    scenarios=SCENARIOS,
+    core=TransplantingCore,
+    perfect=lambda config: PerceptionModel.perfect(),
+    measured=lambda config: PerceptionModel.measured(config.scenario.source, config.scenario.target),
+    machine=_machine,
+    view=_view,
+    settings={"motion": "machine.motion", "source_tray": _with_source, "target_tray": _with_target},
+)
 
 
 class TrayTransplantingEnv(TaskEnv[TransplantPlan, TransplantOutcome]):
@@ -73,81 +104,10 @@ class TrayTransplantingEnv(TaskEnv[TransplantPlan, TransplantOutcome]):
         ValueError: an argument is unknown or out of range; the message says what is allowed.
     """
 
-    def __init__(
-        self,
-        scenario: str | None = None,
-        backend: str = "pybullet",
-        perception: str | None = None,
-        motion: str | None = None,
-        source_tray: int | None = None,
-        target_tray: int | None = None,
-        config: TransplantingConfig | None = None,
-        render_mode: str | None = None,
-    ):
-        """Build the rules, the executor and, where asked for, the scene."""
-        config = equipped(config, scenario, motion, source_tray, target_tray)
-        perception = single_perception(backend, perception)
-        core = TransplantingCore(config, perception_model(perception, config.scenario))
-        executor = AnalyticTransplanter() if backend == "analytic" else PyBulletTransplanter(core)
-        super().__init__(core, executor, partial(_make_view, core), perception == "camera", render_mode)
+    assembly = TRANSPLANTER
 
 
 class TrayTransplantingVectorEnv(TaskVectorEnv[TransplantPlan, TransplantOutcome]):
-    """``num_envs`` worlds of ``fieldgym/TrayTransplanting-v0`` in one batch, with the analytic backend.
+    """``num_envs`` worlds of ``fieldgym/TrayTransplanting-v0`` in one batch, with the analytic backend."""
 
-    Args as in ``TrayTransplantingEnv`` and ``TaskVectorEnv``. PyBullet machines run one a process: use
-    ``vectorization_mode="async"`` for those.
-    """
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        scenario: str | None = None,
-        backend: str = "analytic",
-        perception: str | None = None,
-        motion: str | None = None,
-        source_tray: int | None = None,
-        target_tray: int | None = None,
-        config: TransplantingConfig | None = None,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        render_mode: str | None = None,
-    ):
-        """Build the rules for all worlds."""
-        perception = batched_perception(backend, perception, render_mode)
-        config = equipped(config, scenario, motion, source_tray, target_tray)
-        core = TransplantingCore(config, perception_model(perception, config.scenario), num_envs)
-        super().__init__(core, AnalyticTransplanter(), autoreset_mode)
-
-
-def _make_view(core: TransplantingCore, window: bool) -> TransplantView:
-    # Rendering and OpenCV load only where something is seen.
-    from .view import TransplantView
-
-    return TransplantView(core, window)
-
-
-def equipped(
-    config: TransplantingConfig | None,
-    scenario: str | None = None,
-    motion: str | None = None,
-    source_tray: int | None = None,
-    target_tray: int | None = None,
-) -> TransplantingConfig:
-    """The configuration with a named scenario, a motion and preset trays put in."""
-    config = configured(config or TransplantingConfig(), SCENARIOS, scenario)
-    changes: dict[str, Any] = {}
-    if source_tray is not None:
-        changes["source"] = tray(source_tray, SOURCE_TRAYS, "source_tray")
-    if target_tray is not None:
-        changes["target"] = tray(target_tray, TARGET_TRAYS, "target_tray")
-    machine = config.machine if motion is None else replace(config.machine, motion=motion)
-    return replace(config, scenario=replace(config.scenario, **changes), machine=machine)
-
-
-def perception_model(perception: str, scenario: ScenarioConfig) -> PerceptionModel | None:
-    """Statistics behind a perception level; None when reports come from a camera."""
-    if perception == "camera":
-        return None
-    if perception == "perfect":
-        return PerceptionModel.perfect()
-    return PerceptionModel.measured(scenario.source, scenario.target)
+    assembly = TRANSPLANTER

@@ -316,7 +316,7 @@ class RewardWeights:
 class FieldTask:
     """Everything that defines a weeding task but for its tool; tools add their reach and their process."""
 
-    scenario: ScenarioConfig = SCENARIOS["load-1.0"]
+    scenario: ScenarioConfig = SCENARIOS["load-1.25"]
     cart: CartConfig = field(default_factory=CartConfig)
     weights: RewardWeights = field(default_factory=RewardWeights)
     slots: int = 16

@@ -137,13 +137,19 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         self.plant_species = np.zeros((b, plants), np.int64)
         self.plant_look = np.zeros((b, plants))
 
-    def reset_rows(self, rows: Rows, generators: Sequence[np.random.Generator]) -> None:
-        """Draw new strips for ``rows`` and put the carts before their beginning, already driving."""
-        if len(rows) == 0:
-            return
-        config, process, state = self.config, self.process, self.state
+    def draw(self, generators: Sequence[np.random.Generator]) -> Any:
+        """Draw strips and what the statistical cameras make of them."""
+        config = self.config
         uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
         plants = draw_plants(config.scenario, uniform, normal)
+        if self.perception is None:
+            return plants, None
+        return plants, draw_tracks(config.scenario, config.cart, self.perception, plants, camera_uniform, camera_normal)
+
+    def load(self, rows: Rows, batch: Any) -> None:
+        """Put strips into ``rows`` and the carts before their beginning, already driving."""
+        config, process, state = self.config, self.process, self.state
+        plants, tracks = batch
         weeds, crops = slice(PAD, self.weeds_end - PAD), slice(self.weeds_end, None)
         along = plants.crop[..., 0]
         inside = (along >= 0.0) & (along <= config.scenario.strip_m)
@@ -165,8 +171,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         state.place[rows] = ready(self.machine, -config.cart.start_m)
         state.track_count[rows], state.cursor[rows] = 0, 0
         state.slot_track[rows] = self.capacity
-        if self.perception is not None:
-            tracks = draw_tracks(config.scenario, config.cart, self.perception, plants, camera_uniform, camera_normal)
+        if tracks is not None:
             own = slice(None, self.capacity)
             state.track_report[rows, own], state.track_aim[rows, own] = tracks.report, tracks.aim
             state.track_known_m[rows, own] = tracks.line[..., 1]
@@ -226,6 +231,18 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
     def plan(self, actions: NDArray[np.int64]) -> WeederPlan:
         """Turn actions (B,) into what the machine has to do."""
         return plan_worlds(self.tables, self.machine, self.state, actions)
+
+    def stack(self, fields: Sequence[Any]) -> Any:
+        """The batch of fields."""
+        raise NotImplementedError
+
+    def unstack(self, batch: Any) -> list[Any]:
+        """The fields of a batch."""
+        raise NotImplementedError
+
+    def nominal(self, plan: WeederPlan) -> WeederOutcome:
+        """Nominal phase times, the tool exactly where it was sent."""
+        return WeederOutcome(plan.phases_s, plan.aim)
 
     def apply(self, plan: WeederPlan, outcome: WeederOutcome) -> StepResult:
         """Treat plants, book the time, drive on."""

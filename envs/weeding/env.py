@@ -1,47 +1,25 @@
-"""The Gymnasium environments of weeding: what all tools share, and the laser's own."""
+"""The Gymnasium environments of the laser weeder, and what all weeders share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
-from gymnasium.vector import AutoresetMode
-
-from ..core import Executor, choice, configured
-from ..single import TaskEnv, single_perception
-from ..vector import TaskVectorEnv, batched_perception
-from .config import SCENARIOS, FieldTask, PerceptionModel, WeedingConfig
+from ..assembly import Assembly
+from ..single import TaskEnv
+from ..vector import TaskVectorEnv
+from .config import SCENARIOS, PerceptionModel, WeedingConfig
 from .core import WeederOutcome, WeedingCore
 from .rules import WeederPlan
-from .tools.hoe.config import HoeWeedingConfig
-from .tools.hoe.machine import PyBulletHoe
-from .tools.hoe.process import HoeArm, HoeProcess
 from .tools.laser.aim import LaserArm
-from .tools.laser.machine import AnalyticWeeder, PyBulletWeeder
 from .tools.laser.process import LaserProcess
 
 if TYPE_CHECKING:
-    from .view import FieldView
+    from .tools.laser.machine import PyBulletWeeder
+    from .view import WeederView
 
-
-class Tool(NamedTuple):
-    """What makes a weeding environment of the rules.
-
-    Attributes:
-        config: type of its configuration.
-        core: makes the rules of a configuration, a perception and a number of worlds.
-        executor: makes the machine in PyBullet.
-        view: makes the rendered world; its last argument asks for a window.
-        corrects: whether a camera beside the tool corrects its aim.
-    """
-
-    config: type[FieldTask]
-    core: Callable[[Any, PerceptionModel | None, int], WeedingCore]
-    executor: Callable[[WeedingCore, Any], Executor[WeederPlan, WeederOutcome]]
-    view: Callable[[WeedingCore, Any, bool], FieldView[Any]]
-    corrects: bool
+# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
 
 
 def laser_core(config: WeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
@@ -50,55 +28,33 @@ def laser_core(config: WeedingConfig, perception: PerceptionModel | None, worlds
     return WeedingCore(config, arm, LaserProcess(config.process), perception, worlds)
 
 
-def hoe_core(config: HoeWeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
-    """The weeding rules with the hoe as their tool."""
-    arm = HoeArm.of(config.reach, config.cart.early_s)
-    return WeedingCore(config, arm, HoeProcess(config.process), perception, worlds)
+def _machine(core: WeedingCore) -> PyBulletWeeder:
+    from .tools.laser.machine import PyBulletWeeder
+
+    return PyBulletWeeder(core, core.config)
 
 
-# Rendering and OpenCV load only where something is seen.
-
-
-def _laser_view(core: WeedingCore, config: WeedingConfig, window: bool) -> FieldView[Any]:
+def _view(core: WeedingCore, window: bool) -> WeederView:
     from .view import WeederView
 
-    return WeederView(core, config, window)
+    return WeederView(core, core.config, window)
 
 
-def _hoe_view(core: WeedingCore, config: HoeWeedingConfig, window: bool) -> FieldView[Any]:
-    from .tools.hoe.view import HoeView
-
-    return HoeView(core, config, window)
-
-
-TOOLS = {
-    "laser": Tool(WeedingConfig, laser_core, PyBulletWeeder, _laser_view, True),
-    "hoe": Tool(HoeWeedingConfig, hoe_core, PyBulletHoe, _hoe_view, False),
-}
+LASER: Assembly[Any] = Assembly(
+    config=WeedingConfig,
+    scenarios=SCENARIOS,
+    core=laser_core,
+    perfect=lambda config: PerceptionModel.perfect(),
+    measured=lambda config: PerceptionModel.measured(),
+    machine=_machine,
+    view=_view,
+    settings={"slots": "slots"},
+    fixed={"speed_control": False},
+)
 
 
 class WeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
-    """One strip of field under one of the ``TOOLS``; the environments of the tools say what can be passed."""
-
-    speed_control = False
-
-    def __init__(
-        self,
-        tool: str,
-        scenario: str | None,
-        backend: str,
-        perception: str | None,
-        slots: int | None,
-        config: FieldTask | None,
-        render_mode: str | None,
-    ):
-        """Build the rules, the executor and, where asked for, the scene."""
-        parts = TOOLS[choice("tool", tool, tuple(TOOLS))]
-        chosen = field_task(parts, config, scenario, slots, self.speed_control)
-        perception = single_perception(backend, perception)
-        core = parts.core(chosen, perception_model(parts, perception), 1)
-        executor = AnalyticWeeder() if backend == "analytic" else parts.executor(core, chosen)
-        super().__init__(core, executor, partial(parts.view, core, chosen), perception == "camera", render_mode)
+    """One strip of field under a tool; the environments of the tools say what can be passed."""
 
     def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Carry out one decision; with a camera, the plant that is worked on is marked, its aim perhaps corrected.
@@ -111,31 +67,6 @@ class WeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
             assert hasattr(view, "attend")
             view.attend(self._checked(action))  # type: ignore[attr-defined]
         return super().step(action)
-
-
-class WeedingVectorEnv(TaskVectorEnv[WeederPlan, WeederOutcome]):
-    """``num_envs`` strips under one of the ``TOOLS`` in one batch, with the analytic backend."""
-
-    speed_control = False
-
-    def __init__(
-        self,
-        tool: str,
-        num_envs: int,
-        scenario: str | None,
-        backend: str,
-        perception: str | None,
-        slots: int | None,
-        config: FieldTask | None,
-        autoreset_mode: str | AutoresetMode,
-        render_mode: str | None,
-    ):
-        """Build the rules for all worlds."""
-        parts = TOOLS[choice("tool", tool, tuple(TOOLS))]
-        perception = batched_perception(backend, perception, render_mode)
-        chosen = field_task(parts, config, scenario, slots, self.speed_control)
-        core = parts.core(chosen, perception_model(parts, perception), num_envs)
-        super().__init__(core, AnalyticWeeder(), autoreset_mode)
 
 
 class LaserWeedingEnv(WeedingEnv):
@@ -184,17 +115,7 @@ class LaserWeedingEnv(WeedingEnv):
         ValueError: an argument is unknown or out of range; the message says what is allowed.
     """
 
-    def __init__(
-        self,
-        scenario: str | None = None,
-        backend: str = "pybullet",
-        perception: str | None = None,
-        slots: int | None = None,
-        config: WeedingConfig | None = None,
-        render_mode: str | None = None,
-    ):
-        """Build the environment; see the class."""
-        super().__init__("laser", scenario, backend, perception, slots, config, render_mode)
+    assembly = LASER
 
 
 class LaserWeedingSpeedEnv(LaserWeedingEnv):
@@ -209,57 +130,19 @@ class LaserWeedingSpeedEnv(LaserWeedingEnv):
     time at the scenario's speed.
     """
 
-    speed_control = True
+    assembly = replace(LASER, fixed={"speed_control": True})
 
 
-class LaserWeedingVectorEnv(WeedingVectorEnv):
-    """``num_envs`` worlds of ``fieldgym/LaserWeeding-v0`` in one batch, with the analytic backend.
+class LaserWeedingVectorEnv(TaskVectorEnv[WeederPlan, WeederOutcome]):
+    """``num_envs`` worlds of ``fieldgym/LaserWeeding-v0`` in one batch, with the analytic backend."""
 
-    Args as in ``LaserWeedingEnv`` and ``TaskVectorEnv``. PyBullet machines run one a process: use
-    ``vectorization_mode="async"`` for those.
-    """
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        scenario: str | None = None,
-        backend: str = "analytic",
-        perception: str | None = None,
-        slots: int | None = None,
-        config: WeedingConfig | None = None,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        render_mode: str | None = None,
-    ):
-        """Build the environment; see the class."""
-        super().__init__("laser", num_envs, scenario, backend, perception, slots, config, autoreset_mode, render_mode)
+    assembly = LASER
 
 
 class LaserWeedingSpeedVectorEnv(LaserWeedingVectorEnv):
     """``num_envs`` worlds of ``fieldgym/LaserWeedingSpeed-v0`` in one batch, with the analytic backend."""
 
-    speed_control = True
-
-
-def field_task(
-    tool: Tool, config: FieldTask | None, scenario: str | None, slots: int | None, speed_control: bool
-) -> FieldTask:
-    """The configuration with a named scenario, a number of slots and the kind of action put in.
-
-    Raises:
-        ValueError: the configuration is another tool's, or a name is unknown.
-    """
-    if config is not None and not isinstance(config, tool.config):
-        raise ValueError(f"config is a {type(config).__name__}: give a {tool.config.__name__}, or another tool")
-    return configured(config or tool.config(), SCENARIOS, scenario, slots=slots, speed_control=speed_control)
-
-
-def perception_model(tool: Tool, perception: str) -> PerceptionModel | None:
-    """Statistics behind a perception level; None when tracks come from a camera."""
-    if perception == "camera":
-        return None
-    if perception == "perfect":
-        return PerceptionModel.perfect()
-    return PerceptionModel.measured() if tool.corrects else uncorrected(PerceptionModel.measured())
+    assembly = LaserWeedingSpeedEnv.assembly
 
 
 @lru_cache(maxsize=1)

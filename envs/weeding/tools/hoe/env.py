@@ -1,11 +1,55 @@
-"""The Gymnasium environments of the hoe."""
+"""The Gymnasium environments of the hoe weeder."""
 
 from __future__ import annotations
 
-from gymnasium.vector import AutoresetMode
+from typing import TYPE_CHECKING, Any
 
-from ...config import FieldTask
-from ...env import WeedingEnv, WeedingVectorEnv
+from ....assembly import Assembly, choice
+from ....vector import TaskVectorEnv
+from ...config import SCENARIOS, PerceptionModel
+from ...core import WeederOutcome, WeedingCore
+from ...env import LASER, WeedingEnv, uncorrected
+from ...rules import WeederPlan
+from .config import HoeWeedingConfig
+from .process import HoeArm, HoeProcess
+
+if TYPE_CHECKING:
+    from .machine import PyBulletHoe
+    from .view import HoeView
+
+# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
+
+
+def hoe_core(config: HoeWeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
+    """The weeding rules with the hoe as their tool."""
+    arm = HoeArm.of(config.reach, config.cart.early_s)
+    return WeedingCore(config, arm, HoeProcess(config.process), perception, worlds)
+
+
+def _machine(core: WeedingCore) -> PyBulletHoe:
+    from .machine import PyBulletHoe
+
+    return PyBulletHoe(core, core.config)
+
+
+def _view(core: WeedingCore, window: bool) -> HoeView:
+    from .view import HoeView
+
+    return HoeView(core, core.config, window)
+
+
+HOE: Assembly[Any] = Assembly(
+    config=HoeWeedingConfig,
+    scenarios=SCENARIOS,
+    core=hoe_core,
+    perfect=lambda config: PerceptionModel.perfect(),
+    measured=lambda config: uncorrected(PerceptionModel.measured()),
+    machine=_machine,
+    view=_view,
+    settings={"slots": "slots"},
+    fixed={"speed_control": False},
+)
+TOOLS = {"hoe": HOE, "laser": LASER}
 
 
 class HoeWeedingEnv(WeedingEnv):
@@ -55,38 +99,17 @@ class HoeWeedingEnv(WeedingEnv):
         ValueError: an argument is unknown or out of range; the message says what is allowed.
     """
 
-    def __init__(
-        self,
-        scenario: str | None = None,
-        backend: str = "pybullet",
-        perception: str | None = None,
-        slots: int | None = None,
-        config: FieldTask | None = None,
-        tool: str = "hoe",
-        render_mode: str | None = None,
-    ):
-        """Build the environment; see the class."""
-        super().__init__(tool, scenario, backend, perception, slots, config, render_mode)
+    assembly = HOE
+
+    @classmethod
+    def equipped(cls, settings: dict[str, Any]) -> tuple[Assembly[Any], dict[str, Any]]:
+        """The parts of the tool that is asked for."""
+        rest = dict(settings)
+        return TOOLS[choice("tool", rest.pop("tool", "hoe"), tuple(TOOLS))], rest
 
 
-class HoeWeedingVectorEnv(WeedingVectorEnv):
-    """``num_envs`` worlds of ``fieldgym/HoeWeeding-v0`` in one batch, with the analytic backend.
+class HoeWeedingVectorEnv(TaskVectorEnv[WeederPlan, WeederOutcome]):
+    """``num_envs`` worlds of ``fieldgym/HoeWeeding-v0`` in one batch, with the analytic backend."""
 
-    Args as in ``HoeWeedingEnv`` and ``TaskVectorEnv``. PyBullet machines run one a process: use
-    ``vectorization_mode="async"`` for those.
-    """
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        scenario: str | None = None,
-        backend: str = "analytic",
-        perception: str | None = None,
-        slots: int | None = None,
-        config: FieldTask | None = None,
-        tool: str = "hoe",
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        render_mode: str | None = None,
-    ):
-        """Build the environment; see the class."""
-        super().__init__(tool, num_envs, scenario, backend, perception, slots, config, autoreset_mode, render_mode)
+    assembly = HOE
+    equipped = classmethod(HoeWeedingEnv.equipped.__func__)  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""What carries a weeding plan out: the plan's own word, or the machine in PyBullet."""
+"""The machine in PyBullet that carries a weeding plan out."""
 
 from __future__ import annotations
 
@@ -15,20 +15,6 @@ from .aim import LaserReach, poses
 
 _LOOK_EVERY = 6
 """Steps between two looks at the beam while it burns: forty a second."""
-
-
-class AnalyticWeeder:
-    """Executor that takes the plan's word: nominal phase times, the tool exactly where it was set."""
-
-    def reset_rows(self, rows: Rows) -> None:
-        """Nothing to prepare."""
-
-    def execute(self, plan: WeederPlan) -> WeederOutcome:
-        """What the plan says."""
-        return WeederOutcome(plan.phases_s, plan.aim)
-
-    def close(self) -> None:
-        """Nothing to free."""
 
 
 class PyBulletWeeder:

@@ -1,0 +1,148 @@
+"""How an environment is put together: the parts that a task has, and what may be asked of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from os import PathLike
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from ..kernels.config import Config, from_mapping, override
+from .core import Executor, TaskCore, View
+
+BACKENDS = ("pybullet", "analytic")
+PERCEPTIONS = ("perfect", "model", "camera")
+CUSTOM = "custom"
+"""Name of a scenario that came as numbers, not by name."""
+
+ConfigT = TypeVar("ConfigT", bound=Config)
+
+
+@dataclass(frozen=True)
+class Assembly(Generic[ConfigT]):
+    """The parts of a task's environments.
+
+    Attributes:
+        config: type of the configuration; made without arguments it is the headline scenario's. It has a field
+            ``scenario``.
+        scenarios: named values of that field.
+        core: makes the rules of a configuration, a perception model (None when reports come from a camera) and a number
+            of worlds.
+        perfect: the perception model without errors; None where a task has no camera at all.
+        measured: the perception model fitted to rendered pictures; None where there is none.
+        machine: makes the executor that drives one world's machine in PyBullet; None where there is none.
+        view: makes the rendered world of a single environment; its last argument asks for a window.
+        settings: keyword arguments of ``gym.make`` that are short for a part of the configuration, by name: a dotted
+            name of the configuration, or a function of the configuration and the value.
+        fixed: what an environment's configuration always has, by dotted name.
+    """
+
+    config: type[ConfigT]
+    scenarios: Mapping[str, Any]
+    core: Callable[[ConfigT, Any, int], TaskCore[Any, Any]]
+    perfect: Callable[[ConfigT], Any] | None = None
+    measured: Callable[[ConfigT], Any] | None = None
+    machine: Callable[[Any], Executor[Any, Any]] | None = None
+    view: Callable[[Any, bool], View[Any]] | None = None
+    settings: Mapping[str, str | Callable[[ConfigT, Any], ConfigT]] = field(default_factory=dict)
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def headline(self) -> str:
+        """The scenario that is meant where none is named."""
+        default = self.config().scenario  # type: ignore[attr-defined]
+        return self.name_of(default)
+
+    @property
+    def backends(self) -> tuple[str, ...]:
+        """What can carry a plan out, the default first."""
+        return BACKENDS if self.machine is not None else BACKENDS[1:]
+
+    @property
+    def perceptions(self) -> tuple[str, ...]:
+        """What policies can be shown."""
+        there = (True, self.measured is not None, self.view is not None and self.measured is not None)
+        return tuple(name for name, is_there in zip(PERCEPTIONS, there, strict=True) if is_there)
+
+    def name_of(self, scenario: Any) -> str:
+        """The name of a scenario, ``CUSTOM`` for one that has none."""
+        return next((name for name, known in self.scenarios.items() if known == scenario), CUSTOM)
+
+    def default_perception(self, backend: str) -> str:
+        """What a machine on a backend sees with: its camera in PyBullet where it has one, else the model of it."""
+        best = "camera" if backend == "pybullet" else "model"
+        return best if best in self.perceptions else self.perceptions[-1]
+
+    def perception_model(self, perception: str, config: ConfigT) -> Any:
+        """Statistics behind a perception level; None when reports come from a camera."""
+        make = {"perfect": self.perfect, "model": self.measured}.get(perception)
+        return make(config) if make is not None else None
+
+    def configured(
+        self,
+        scenario: str | PathLike[str] | None = None,
+        config: ConfigT | None = None,
+        overrides: Mapping[str, Any] | None = None,
+        settings: Mapping[str, Any] | None = None,
+    ) -> ConfigT:
+        """The configuration that is asked for.
+
+        Args:
+            scenario: a name, or a YAML file with a scenario's numbers; None for the configuration's own.
+            config: None for the headline scenario's.
+            overrides: single numbers by dotted name.
+            settings: see ``Assembly.settings``; None stands for what was not given.
+
+        Raises:
+            ValueError: something is unknown, of another task or out of range; the message is one line.
+        """
+        if config is None:
+            config = self.config()
+        elif not isinstance(config, self.config):
+            raise ValueError(f"config is a {type(config).__name__}: this environment takes a {self.config.__name__}")
+        if scenario is not None:
+            config = override(config, {"scenario": self.scenario(scenario)})
+        for name, value in (settings or {}).items():
+            if name not in self.settings:
+                raise TypeError(f"keyword {name!r} is unknown: {meant(name, (*KEYWORDS, *self.settings))}")
+            if value is not None:
+                setting = self.settings[name]
+                config = override(config, {setting: value}) if isinstance(setting, str) else setting(config, value)
+        return override(config, {**(overrides or {}), **self.fixed})
+
+    def scenario(self, scenario: str | PathLike[str]) -> Any:
+        """A scenario by its name or from a YAML file.
+
+        Raises:
+            ValueError: there is no such scenario, or the file is no scenario of this task.
+        """
+        text = str(scenario)
+        if text in self.scenarios:
+            return self.scenarios[text]
+        if text.endswith((".yaml", ".yml")):
+            from ..kernels.config_files import load_yaml
+
+            kind = type(next(iter(self.scenarios.values())))
+            data = dict(load_yaml(Path(text)))
+            base = self.scenario(data.pop("base")) if "base" in data else None
+            return from_mapping(kind, data, base)
+        raise ValueError(f"scenario = {text!r} is unknown: {meant(text, tuple(self.scenarios))}, or name a .yaml file")
+
+
+KEYWORDS = ("scenario", "backend", "perception", "config", "overrides", "render_mode")
+
+
+def meant(name: str, known: Sequence[str]) -> str:
+    """What to choose instead of an unknown name, the nearest first."""
+    near = get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    return f"{hint}choose one of {', '.join(map(repr, known))}"
+
+
+def choice(name: str, value: object, allowed: Sequence[str]) -> str:
+    """Return ``value`` when it is one of ``allowed``, else raise an error that lists them."""
+    if value not in allowed:
+        raise ValueError(f"{name} = {value!r} is unknown: {meant(str(value), allowed)}")
+    return str(value)

@@ -1,0 +1,250 @@
+"""A field is a value: one instance of a task with all of its luck, the same for every policy and backend.
+
+A task declares its field as frozen tables of columns; from that declaration come the files (``field_files``), the
+documentation and the checks. Arrays are read-only: a field can be shared, compared and hashed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from dataclasses import field as dataclass_field
+from functools import cache
+from typing import Any, ClassVar, NamedTuple, TypeVar, get_args, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+TableT = TypeVar("TableT", bound="Table")
+FieldT = TypeVar("FieldT", bound="Field")
+
+ABSENT = -1
+"""Stands for a whole number or a label that was not given; a number that was not given is NaN."""
+
+
+class FieldError(ValueError):
+    """A field that cannot be used; the message is one line and says where the fault is and what to do."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column holds.
+
+    Attributes:
+        dtype: of its array: ``float64``, ``int64`` or ``bool``.
+        low: smallest value.
+        high: largest value.
+        unit: ``"m"`` is scaled where a file says so; empty for pure numbers.
+        doc: what it means, in a sentence.
+        labels: names of the values 0, 1, ... where they have names; files hold the names.
+        fill: what a value that is not given becomes: a number, ``"uniform"`` or ``"normal"`` for one that is drawn,
+            ``"task"`` where the task knows, None where it must be given.
+    """
+
+    dtype: type
+    low: float
+    high: float
+    unit: str
+    doc: str
+    labels: tuple[str, ...] = ()
+    fill: float | str | None = None
+
+    @property
+    def required(self) -> bool:
+        """Whether a file must give it."""
+        return self.fill is None
+
+    @property
+    def absent(self) -> Any:
+        """What stands in the array where no value was given."""
+        return np.nan if self.dtype is float else False if self.dtype is bool else ABSENT
+
+    def missing(self, values: NDArray[Any]) -> Flags:
+        """Where ``values`` were not given."""
+        if self.dtype is float:
+            return np.isnan(values)
+        return np.zeros(len(values), bool) if self.dtype is bool else values == ABSENT
+
+
+def number(unit: str, low: float, high: float, doc: str, fill: float | str | None = None) -> Any:
+    """A column of float64."""
+    return dataclass_field(metadata={"column": Column(float, low, high, unit, doc, fill=fill)})
+
+
+def whole(low: float, high: float, doc: str, fill: float | str | None = None) -> Any:
+    """A column of int64."""
+    return dataclass_field(metadata={"column": Column(int, low, high, "", doc, fill=fill)})
+
+
+def label(labels: tuple[str, ...], doc: str, fill: float | str | None = None) -> Any:
+    """A column of int64 that files write by name."""
+    column = Column(int, 0, len(labels) - 1, "", doc, labels, fill)
+    return dataclass_field(metadata={"column": column})
+
+
+def flag(doc: str, fill: float | None = None) -> Any:
+    """A column of bool; files write 0 and 1."""
+    return dataclass_field(metadata={"column": Column(bool, 0, 1, "", doc, fill=fill)})
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows of one kind: arrays of one length, one a column. Subclasses declare their columns."""
+
+    def __post_init__(self) -> None:
+        """Keep read-only copies of one length."""
+        length: int | None = None
+        for name, column in self.columns().items():
+            values = np.array(getattr(self, name), dtype=column.dtype, order="C")
+            if values.ndim != 1:
+                raise FieldError(f"{type(self).__name__}.{name} has shape {values.shape}: give one value a row")
+            if length is not None and len(values) != length:
+                raise FieldError(f"{type(self).__name__}.{name} has {len(values)} rows, the first column {length}")
+            length = len(values)
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    @classmethod
+    @cache
+    def columns(cls) -> Mapping[str, Column]:
+        """The columns by name, in the order in which files have them."""
+        return {item.name: item.metadata["column"] for item in fields(cls)}
+
+    @classmethod
+    def empty(cls: type[TableT], rows: int = 0) -> TableT:
+        """A table in which nothing is given."""
+        return cls(**{name: np.full(rows, column.absent) for name, column in cls.columns().items()})
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(getattr(self, next(iter(self.columns()))))
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The columns' arrays by name."""
+        return {name: getattr(self, name) for name in self.columns()}
+
+    def fault(self) -> tuple[int, str] | None:
+        """The first row with a value out of its column's range, and what is wrong; None where all are right."""
+        for name, column in self.columns().items():
+            values = getattr(self, name)
+            missing = column.missing(values)
+            if column.required and missing.any():
+                return int(np.argmax(missing)), f"{name} is missing"
+            wrong = ~missing & ~((values >= column.low) & (values <= column.high))
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                unit = f" {column.unit}" if column.unit else ""
+                return row, f"{name} = {values[row]:g}{unit}: give {column.low:g} to {column.high:g}{unit}"
+        return None
+
+    def filled(self: TableT, generator: np.random.Generator) -> TableT:
+        """The table with what was not given filled in; what is drawn is drawn column by column, in order."""
+        changes = {}
+        for name, column in self.columns().items():
+            values = getattr(self, name)
+            missing = column.missing(values)
+            if not missing.any() or column.fill in (None, "task"):
+                continue
+            drawn: Any = column.fill
+            if column.fill == "uniform":
+                drawn = generator.random(len(values))
+            elif column.fill == "normal":
+                drawn = generator.standard_normal(len(values))
+            changes[name] = np.where(missing, drawn, values)
+        return replace(self, **changes) if changes else self
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Base of the tasks' fields: a frozen dataclass whose attributes are tables, or None where there is none.
+
+    Attributes:
+        task: word that files carry.
+        main: the table that the rows of a file without a column ``kind`` belong to.
+        places: names of the columns that are coordinates, along first; GeoJSON makes points of them.
+    """
+
+    task: ClassVar[str]
+    main: ClassVar[str]
+    places: ClassVar[tuple[str, ...]] = ("along_m", "across_m")
+
+    @classmethod
+    @cache
+    def kinds(cls) -> Mapping[str, type[Table]]:
+        """The tables' types by name: what a file's column ``kind`` may say."""
+        kinds = {}
+        for name, hint in get_type_hints(cls).items():
+            for option in (hint, *get_args(hint)):
+                if isinstance(option, type) and issubclass(option, Table):
+                    kinds[name] = option
+        return kinds
+
+    @classmethod
+    @cache
+    def optional(cls) -> frozenset[str]:
+        """Kinds that a field may lack."""
+        hints = get_type_hints(cls)
+        return frozenset(name for name in cls.kinds() if type(None) in get_args(hints[name]))
+
+    def tables(self) -> Iterator[tuple[str, Table]]:
+        """The tables that there are, by kind."""
+        for name in self.kinds():
+            table = getattr(self, name)
+            if table is not None:
+                yield name, table
+
+    def check(self) -> None:
+        """Hold every value to its column's range.
+
+        Raises:
+            FieldError: one is out of it.
+        """
+        for kind, table in self.tables():
+            fault = table.fault()
+            if fault is not None:
+                raise FieldError(f"{kind} {fault[0] + 1}: {fault[1]}")
+
+    def filled(self: FieldT, generator: np.random.Generator) -> FieldT:
+        """The field with every column's own way of filling applied; see ``Column.fill``."""
+        return replace(self, **{kind: table.filled(generator) for kind, table in self.tables()})
+
+    def digest(self) -> str:
+        """Sixteen hexadecimal digits that tell this field from any other."""
+        sha = hashlib.sha256(self.task.encode())
+        for kind, table in self.tables():
+            for name, values in table.arrays().items():
+                sha.update(f"{kind}.{name}:{len(values)};".encode() + values.tobytes())
+        return sha.hexdigest()[:16]
+
+    def __eq__(self, other: object) -> bool:
+        """Whether every value is the same, bit for bit."""
+        return type(other) is type(self) and other.digest() == self.digest()  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        """Equal fields have equal hashes."""
+        return hash(self.digest())
+
+
+class Toy(NamedTuple):
+    """An instance small enough to check by hand.
+
+    Attributes:
+        name: short.
+        field: the instance.
+        overrides: of the configuration it is meant for, dotted names.
+        net_rate: the best that any policy can reach.
+        episode_return: the largest sum of rewards.
+        why: how one sees that.
+    """
+
+    name: str
+    field: Field
+    overrides: dict[str, Any]
+    net_rate: float
+    episode_return: float
+    why: str

@@ -1,0 +1,221 @@
+"""Tasks and policies by name: what is registered, by this package or by anybody else's."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module, metadata
+from typing import Any
+
+import gymnasium as gym
+
+TASKS_GROUP, POLICIES_GROUP = "fieldgym.tasks", "fieldgym.policies"
+"""Entry-point groups in which installed packages announce a ``TaskSpec`` (or several), and a function that registers
+policies."""
+
+RANDOM = "random"
+Factory = Callable[[Any, int], Any]
+"""Makes a policy from an environment (``Env`` or ``VectorEnv``) and a seed."""
+
+
+@dataclass(frozen=True)
+class TaskSpec:
+    """Everything that the package has to know of a task.
+
+    What stands for code may be the object itself or, so that nothing loads before it is used, text of the form
+    ``"package.module:name"``.
+
+    Attributes:
+        id: what ``gymnasium.make`` calls it, ``namespace/Name-v0``.
+        entry_point: the class of the environment, a ``TaskEnv`` with its ``assembly``.
+        vector_entry_point: the class of the batched environment, a ``TaskVectorEnv``.
+        machine: what works, in words.
+        decision: what a policy decides, in words.
+        actions: the action space, in words.
+        policies: name -> factory (see ``Factory``), in the order of tables. ``random`` is there by itself.
+        reference: the policy that the others are compared with.
+        paper: where the machine comes from.
+        bound: a function of the rules (one world) and of ``"drawn"``, ``"driven"`` or ``"any"`` reports that knows what
+            no policy can beat (see ``bounds``); None where nobody has one.
+        learning: settings of ``fieldgym train`` by name, or a YAML file of them inside a package
+            (``"package:folder/file.yaml"``).
+        learners: algorithms of the task's own by name, beside those that every task has.
+    """
+
+    id: str
+    entry_point: str | type
+    vector_entry_point: str | type
+    machine: str
+    decision: str
+    actions: str
+    policies: Mapping[str, str | Factory]
+    reference: str
+    paper: str = ""
+    bound: str | Callable[[Any, str], Any] | None = None
+    learning: str | Mapping[str, Any] | None = None
+    learners: Mapping[str, str | Callable[..., Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check what can be checked without loading anything."""
+        if "/" not in self.id or "-v" not in self.id:
+            raise ValueError(f"TaskSpec.id = {self.id!r}: give 'namespace/Name-v0'")
+        if self.reference not in (*self.policies, RANDOM):
+            raise ValueError(f"TaskSpec.reference = {self.reference!r}: name one of its policies")
+
+    @property
+    def name(self) -> str:
+        """The id without its namespace."""
+        return self.id.split("/")[-1]
+
+    @property
+    def assembly(self) -> Any:
+        """The parts of its environments (an ``Assembly``)."""
+        return resolved(self.entry_point).assembly
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """Names of its scenarios."""
+        return tuple(self.assembly.scenarios)
+
+    @property
+    def headline(self) -> str:
+        """The scenario that is meant where none is named."""
+        return self.assembly.headline
+
+    @property
+    def backends(self) -> tuple[str, ...]:
+        """What can carry a decision out."""
+        return self.assembly.backends
+
+    @property
+    def perceptions(self) -> tuple[str, ...]:
+        """What policies can be shown."""
+        return self.assembly.perceptions
+
+
+def resolved(reference: Any) -> Any:
+    """The object that ``"package.module:name"`` stands for; what is no text stands for itself."""
+    if not isinstance(reference, str):
+        return reference
+    module, _, name = reference.partition(":")
+    found: Any = import_module(module)
+    for part in name.split("."):
+        found = getattr(found, part)
+    return found
+
+
+_TASKS: dict[str, TaskSpec] = {}
+_POLICIES: dict[str, dict[str, str | Factory]] = {}
+_WAITING: list[metadata.EntryPoint] = []
+
+
+def register_task(spec: TaskSpec) -> None:
+    """Make a task known: to ``gymnasium.make``, the command, the benchmark, training and the reports.
+
+    Registering an equal one again changes nothing.
+
+    Raises:
+        ValueError: another task has this id.
+    """
+    known = _TASKS.get(spec.id)
+    if known is not None and known != spec:
+        raise ValueError(f"a task is called {spec.id!r} already: choose another id or a new version number")
+    _TASKS[spec.id] = spec
+    if spec.id not in gym.registry:
+        gym.register(spec.id, entry_point=spec.entry_point, vector_entry_point=spec.vector_entry_point)
+
+
+def register_policy(env_id: str, name: str, factory: str | Factory) -> None:
+    """Make a policy known by name for a task.
+
+    Args:
+        env_id: id of the task; it may be registered later.
+        name: what tables call it.
+        factory: makes it from an environment and a seed.
+
+    Raises:
+        ValueError: the name is taken, or could be a file's or a module's.
+    """
+    if not name or any(sign in name for sign in ":/\\ ,") or name.endswith((".npz", ".zip", ".py")):
+        raise ValueError(f"policy name {name!r}: give a word without spaces, commas, colons and slashes")
+    spec = _TASKS.get(env_id)
+    taken = _POLICIES.setdefault(env_id, {})
+    if name == RANDOM or (spec is not None and name in spec.policies) or taken.get(name, factory) != factory:
+        raise ValueError(f"a policy of {env_id} is called {name!r} already: choose another name")
+    taken[name] = factory
+
+
+def tasks() -> tuple[TaskSpec, ...]:
+    """Every task, in the order in which they were registered."""
+    load_plugins()
+    return tuple(_TASKS.values())
+
+
+def env_ids() -> tuple[str, ...]:
+    """The ids of every task."""
+    return tuple(spec.id for spec in tasks())
+
+
+def task(env_id: str) -> TaskSpec:
+    """The task of an id; ``module:id`` imports the module first, as ``gymnasium.make`` does.
+
+    Raises:
+        ValueError: unknown id; the message lists the choices.
+    """
+    module, _, bare = env_id.rpartition(":")
+    if module and bare not in _TASKS:
+        try:
+            import_module(module)
+        except ImportError as error:
+            raise ValueError(f"environment {env_id!r}: cannot import {module} ({error})") from None
+    load_plugins()
+    if bare in _TASKS:
+        return _TASKS[bare]
+    from .assembly import meant
+
+    raise ValueError(f"environment {bare!r} is unknown: {meant(bare, tuple(_TASKS))}")
+
+
+def factories(env_id: str) -> dict[str, str | Factory]:
+    """The policies of a task by name: its own, then those that were registered for it."""
+    spec = task(env_id)
+    own = {RANDOM: "fieldgym.agents.policies.base:RandomPolicy.make", **spec.policies}
+    return {**own, **_POLICIES.get(spec.id, {})}
+
+
+def load_plugins(search: bool = False) -> None:
+    """Register what installed packages announce; one that fails is told in one line and does not stop the others.
+
+    Args:
+        search: look for packages; without it only those go on that were being imported at the last try.
+    """
+    if search:
+        for group in (TASKS_GROUP, POLICIES_GROUP):
+            _WAITING.extend(metadata.entry_points(group=group))
+    waiting, _WAITING[:] = list(_WAITING), []
+    for entry in waiting:
+        if _being_imported(entry.module):
+            _WAITING.append(entry)
+            continue
+        try:
+            found = entry.load()
+            if entry.group == POLICIES_GROUP:
+                found()
+            else:
+                for spec in (found,) if isinstance(found, TaskSpec) else found:
+                    register_task(spec)
+        except Exception as error:
+            told = " ".join(f"{type(error).__name__}: {error}".split())
+            warnings.warn(f"plug-in {entry.name!r} ({entry.value}) of {entry.group} was left out: {told}", stacklevel=2)
+
+
+def _being_imported(module: str) -> bool:
+    """Whether a module, or the package it lies in, is half imported: it imports this package itself."""
+    parts = module.split(".")
+    for n in range(1, len(parts) + 1):
+        spec = getattr(sys.modules.get(".".join(parts[:n])), "__spec__", None)
+        if getattr(spec, "_initializing", False):
+            return True
+    return False
