@@ -66,7 +66,7 @@ def load_yaml(path: str | PathLike[str]) -> Located:
     if len(data) > MAX_BYTES:
         raise ConfigError("", f"is larger than {MAX_BYTES} bytes: give a smaller file", place=file)
     try:
-        return parse_yaml(data.decode("utf-8-sig"), file)
+        return parse_yaml(data.decode("utf-8"), file)
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise ConfigError("", "is not UTF-8: save it as UTF-8", place=f"{file}:{line}") from None
