@@ -8,11 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .frames import Frame
+
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class BloomConfig:
+class BloomSettings:
     """Thresholds of the detector. Hue and saturation as OpenCV counts them: hue 0-179, saturation and value 0-255.
 
     Attributes:
@@ -63,62 +65,55 @@ class Blooms:
 
 
 def filament_mask(
-    rgb: NDArray[np.uint8], depth_m: NDArray[np.float32], config: BloomConfig
+    rgb: NDArray[np.uint8], depth_m: NDArray[np.float32], settings: BloomSettings
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Pixels of filaments (0 or 255) and the picture in hue, saturation and value."""
     hsv = cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV)
-    low = (config.hue_range[0], config.min_saturation, config.min_value)
-    mask = cv2.inRange(hsv, low, (config.hue_range[1], 255, 255))
+    low = (settings.hue_range[0], settings.min_saturation, settings.min_value)
+    mask = cv2.inRange(hsv, low, (settings.hue_range[1], 255, 255))
     mask = cv2.bitwise_or(mask, cv2.inRange(hsv, (172, *low[1:]), (179, 255, 255)))
-    near = (depth_m > config.range_m[0]) & (depth_m < config.range_m[1])
+    near = (depth_m > settings.range_m[0]) & (depth_m < settings.range_m[1])
     mask[~near] = 0
     # Facets in shade leave pinholes; single stray pixels are edges of leaves against pots.
     kernel = np.ones((3, 3), np.uint8)
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel)
     # One tuft before another: the step in depth between them is no part of either.
-    mask[cv2.morphologyEx(depth_m, cv2.MORPH_GRADIENT, kernel) > config.depth_step_m] = 0
+    mask[cv2.morphologyEx(depth_m, cv2.MORPH_GRADIENT, kernel) > settings.depth_step_m] = 0
     return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel), np.uint8), np.asarray(hsv, np.uint8)
 
 
-def detect_blooms(
-    rgb: NDArray[np.uint8],
-    depth_m: NDArray[np.float32],
-    intrinsics: Array,
-    world_from_camera: Array,
-    config: BloomConfig | None = None,
-) -> Blooms:
+def detect(frame: Frame, context: None = None, settings: BloomSettings | None = None) -> Blooms:
     """Find heads.
 
     Args:
-        rgb: (h, w, 3).
-        depth_m: (h, w), depth along the view.
-        intrinsics: (3, 3), pixels.
-        world_from_camera: (4, 4), camera axes as OpenCV's: x right, y down, z along the view.
-        config: thresholds.
+        frame: a picture from above.
+        context: nothing has to be known beforehand.
+        settings: thresholds.
     """
-    config = config or BloomConfig()
-    mask, hsv = filament_mask(rgb, depth_m, config)
-    labels = _split_touching(mask, depth_m, config)
+    settings = settings or BloomSettings()
+    rgb, depth_m, (intrinsics, world_from_camera) = frame
+    mask, hsv = filament_mask(rgb, depth_m, settings)
+    labels = _split_touching(mask, depth_m, settings)
     focal = float(intrinsics[0, 0])
     positions, stages, areas = [], [], []
     for rows, columns in _pixels_of(labels):
         depth = depth_m[rows, columns]
         pixel_area = (float(np.median(depth)) / focal) ** 2
         area = len(rows) * pixel_area
-        if area < config.min_area_m2:
+        if area < settings.min_area_m2:
             continue
-        top = float(np.percentile(depth, 20.0)) + config.tuft_half_height_m
+        top = float(np.percentile(depth, 20.0)) + settings.tuft_half_height_m
         u, v = float(columns.mean()), float(rows.mean())
         ray = np.array([(u - intrinsics[0, 2]) / focal, (v - intrinsics[1, 2]) / focal, 1.0])
         positions.append(world_from_camera[:3, :3] @ (ray * top) + world_from_camera[:3, 3])
-        stages.append(_stage(hsv[rows, columns], config))
+        stages.append(_stage(hsv[rows, columns], settings))
         areas.append(area)
     area_m2 = np.array(areas)
     return Blooms(
         np.array(positions).reshape(-1, 3),
         np.array(stages, dtype=np.int64),
-        config.head_spread_m * np.sqrt(area_m2 / config.head_area_m2),
-        np.minimum(area_m2 / config.head_area_m2, 1.0),
+        settings.head_spread_m * np.sqrt(area_m2 / settings.head_area_m2),
+        np.minimum(area_m2 / settings.head_area_m2, 1.0),
     )
 
 
@@ -133,14 +128,16 @@ def _pixels_of(labels: NDArray[np.int32]) -> list[tuple[NDArray[np.intp], NDArra
     return list(zip(np.split(rows[order], cuts), np.split(columns[order], cuts), strict=True))
 
 
-def _stage(pixels: NDArray[np.uint8], config: BloomConfig) -> int:
+def _stage(pixels: NDArray[np.uint8], settings: BloomSettings) -> int:
     hue = np.where(pixels[:, 0] > 90, pixels[:, 0].astype(float) - 180.0, pixels[:, 0])
-    if np.median(pixels[:, 2]) < config.dry_value:
+    if np.median(pixels[:, 2]) < settings.dry_value:
         return 3
-    return 1 if np.median(hue) > config.late_hue else 2
+    return 1 if np.median(hue) > settings.late_hue else 2
 
 
-def _split_touching(mask: NDArray[np.uint8], depth_m: NDArray[np.float32], config: BloomConfig) -> NDArray[np.int32]:
+def _split_touching(
+    mask: NDArray[np.uint8], depth_m: NDArray[np.float32], settings: BloomSettings
+) -> NDArray[np.int32]:
     """Label tufts; patches larger than one tuft are split at their necks: each pixel goes to the nearest core."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     result = labels.astype(np.int32)
@@ -152,7 +149,7 @@ def _split_touching(mask: NDArray[np.uint8], depth_m: NDArray[np.float32], confi
         if min(w, h) < 5:
             continue
         distance = cv2.distanceTransform(np.pad(here.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
-        cores = distance > config.split_share * distance.max()
+        cores = distance > settings.split_share * distance.max()
         parts, core_labels = cv2.connectedComponents(cores.astype(np.uint8), connectivity=8)
         if parts <= 2:
             continue

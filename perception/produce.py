@@ -10,24 +10,15 @@ left, h, follows from where the ellipsoid touches the belt.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .frames import Frame
+
 Array = NDArray[np.float64]
-
-
-class _CameraPose(Protocol):
-    """Intrinsic matrix (3, 3) in pixels and world-from-camera transform (4, 4), OpenCV axes."""
-
-    @property
-    def intrinsics(self) -> Array: ...
-
-    @property
-    def world_from_camera(self) -> Array: ...
-
 
 _SOLID = 0.955
 """A blob that fills less of its convex hull than this is more than one item; a rasterised ellipse fills 0.97."""
@@ -36,7 +27,7 @@ _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 @dataclass(frozen=True)
-class ProduceRules:
+class ProduceSettings:
     """How images are read; all chosen for the look of the produce, none fitted to the truth of single images."""
 
     warm: int = 24
@@ -90,30 +81,30 @@ class Produce(NamedTuple):
         )
 
 
-def detect_produce(
-    rgb: NDArray[np.uint8],
-    depth_m: NDArray[np.float32],
-    camera: _CameraPose,
-    belt_m: float,
-    rules: ProduceRules | None = None,
-) -> Produce:
-    """Items that are wholly in the image.
+class Belt(NamedTuple):
+    """What has to be known to read a picture: ``height_m``, world height of the belt."""
+
+    height_m: float
+
+
+def detect(frame: Frame, context: Belt, settings: ProduceSettings | None = None) -> Produce:
+    """Items that are wholly in the picture.
 
     Args:
-        rgb: uint8 (h, w, 3).
-        depth_m: (h, w) along the view.
-        camera: where the camera stands.
-        belt_m: world height of the belt.
-        rules: how to read the image.
+        frame: a picture from above.
+        context: the belt under it.
+        settings: how to read the picture.
     """
-    rules = rules or ProduceRules()
+    settings = settings or ProduceSettings()
+    rgb, depth_m, camera = frame
+    belt_m = context.height_m
     rays = _rays(camera.intrinsics, depth_m.shape)
     world = camera.world_from_camera
     points = (rays * depth_m[..., None].astype(np.float64)) @ world[:3, :3].T + world[:3, 3]
     colour = rgb.astype(np.int16)
-    warm = np.maximum(colour[..., 0], colour[..., 1]) - colour[..., 2] > rules.warm
+    warm = np.maximum(colour[..., 0], colour[..., 1]) - colour[..., 2] > settings.warm
     smooth = cv2.medianBlur((points[..., 2] - belt_m).astype(np.float32), 5)
-    mask = (warm & (smooth > rules.lowest_m)).astype(np.uint8)
+    mask = (warm & (smooth > settings.lowest_m)).astype(np.uint8)
     mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)), np.uint8)
     labels, count = _separate(mask)
     hsv = np.asarray(cv2.cvtColor(cv2.medianBlur(rgb, 5), cv2.COLOR_RGB2HSV), np.uint8)
@@ -127,14 +118,14 @@ def detect_produce(
         # A pixel's share of the outline grows with the square of its distance.
         weight = depth_m[rows, columns].astype(np.float64) ** 2
         area = float(weight.sum()) / float(camera.intrinsics[0, 0] * camera.intrinsics[1, 1])
-        if not rules.smallest_m2 <= area <= rules.largest_m2:
+        if not settings.smallest_m2 <= area <= settings.largest_m2:
             continue
-        shape = _ellipsoid(points[rows, columns], weight, eye, belt_m, rules.rim_m)
+        shape = _ellipsoid(points[rows, columns], weight, eye, belt_m, settings.rim_m)
         if shape is None:
             continue
         core = cv2.erode(where.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         hue, saturation = _colour(hsv[core] if core.any() else hsv[where])
-        found.append((*shape, _grade(rules, hue, saturation, float(shape[2][0])), hue))
+        found.append((*shape, _grade(settings, hue, saturation, float(shape[2][0])), hue))
     return _table(found)
 
 
@@ -256,10 +247,10 @@ def _colour(hsv: NDArray[np.uint8]) -> tuple[float, float]:
     return float(np.median(np.where(hue > 270.0, hue - 360.0, hue))), float(np.median(hsv[:, 1])) / 255.0
 
 
-def _grade(rules: ProduceRules, hue_deg: float, saturation: float, length_m: float) -> int:
-    if saturation < rules.tuber_saturation:
-        return 0 if length_m >= rules.ware_from_m else 1
-    return 2 if hue_deg < rules.ripe_hue_deg else 3
+def _grade(settings: ProduceSettings, hue_deg: float, saturation: float, length_m: float) -> int:
+    if saturation < settings.tuber_saturation:
+        return 0 if length_m >= settings.ware_from_m else 1
+    return 2 if hue_deg < settings.ripe_hue_deg else 3
 
 
 def _table(found: list[tuple[Array, tuple[float, float, float], Array, int, float]]) -> Produce:

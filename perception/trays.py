@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .frames import Frame
+
 Array = NDArray[np.float64]
 
 EMPTY, HEALTHY, POOR = 0, 1, 2
@@ -29,7 +31,7 @@ class CellLook(NamedTuple):
 
 
 @dataclass(frozen=True)
-class TrayRule:
+class TraySettings:
     """Thresholds of the classification [identified: fitted to rendered rows, see scripts/measure_tray_camera.py].
 
     Attributes:
@@ -51,45 +53,47 @@ class TrayRule:
     yellow_share: float = 0.30
 
 
-def look_at_cells(
-    rgb: NDArray[np.uint8],
-    depth_m: NDArray[np.float32],
-    intrinsics: ArrayLike,
-    world_from_camera: ArrayLike,
-    cells_m: ArrayLike,
-    pitch_m: float,
-    nursery_pitch_m: float,
-    rule: TrayRule | None = None,
-) -> CellLook:
+class Cells(NamedTuple):
+    """The row of cells in a picture.
+
+    Attributes:
+        middle_m: middles of the cells' upper faces in the world, (n, 3).
+        pitch_m: distance of the cells.
+        nursery_pitch_m: distance of the cells that the seedlings grew in, the unit of their size.
+    """
+
+    middle_m: ArrayLike
+    pitch_m: float
+    nursery_pitch_m: float
+
+
+def look_at_cells(frame: Frame, context: Cells, settings: TraySettings | None = None) -> CellLook:
     """Measure the leaves over each cell.
 
     The depth takes every leaf pixel to its true place over the tray: without it, leaves 50 mm above the cells would
     lean outwards by several millimetres at the row's ends.
 
     Args:
-        rgb: picture (h, w, 3).
-        depth_m: depth along the view, (h, w), metres.
-        intrinsics: (3, 3), pixels.
-        world_from_camera: (4, 4), camera axes as OpenCV's.
-        cells_m: middles of the cells' upper faces in the world, (n, 3).
-        pitch_m: distance of the cells.
-        nursery_pitch_m: distance of the cells that the seedlings grew in, the unit of their size.
-        rule: thresholds.
+        frame: a picture from above.
+        context: which cells.
+        settings: thresholds.
 
     Raises:
         ValueError: the picture and the depth have different sizes.
     """
+    rgb, depth_m, camera = frame
     if rgb.shape[:2] != depth_m.shape:
         raise ValueError(f"the picture is {rgb.shape[:2]} and the depth {depth_m.shape}: give one camera's pair")
-    rule = rule or TrayRule()
-    matrix, pose = np.asarray(intrinsics, np.float64), np.asarray(world_from_camera, np.float64)
-    cells = np.asarray(cells_m, np.float64)
+    settings = settings or TraySettings()
+    matrix, pose = (np.asarray(part, np.float64) for part in camera)
+    cells = np.asarray(context.middle_m, np.float64)
+    pitch_m, nursery_pitch_m = context.pitch_m, context.nursery_pitch_m
     blurred = cv2.GaussianBlur(rgb, (3, 3), 0)
     colour = blurred.astype(np.float32)
     total = np.maximum(colour.sum(axis=2), 1.0)
     excess = (2.0 * colour[..., 1] - colour[..., 0] - colour[..., 2]) / total
     hsv = cv2.cvtColor(blurred, cv2.COLOR_RGB2HSV)
-    leaf = ((excess > rule.leaf_excess) & (hsv[..., 2] > rule.leaf_value)).astype(np.uint8)
+    leaf = ((excess > settings.leaf_excess) & (hsv[..., 2] > settings.leaf_value)).astype(np.uint8)
     leaf = cv2.morphologyEx(leaf, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
     rows, columns = np.nonzero(leaf)
     depth = depth_m[rows, columns].astype(np.float64)
@@ -97,10 +101,10 @@ def look_at_cells(
     ray = np.stack([(columns - matrix[0, 2]) / focal[0], (rows - matrix[1, 2]) / focal[1], np.ones(len(rows))])
     place = pose[:3, :3] @ (ray * depth) + pose[:3, 3:]
     pixel_m2 = depth * depth / (focal[0] * focal[1])
-    yellow = hsv[rows, columns, 0] < rule.yellow_hue
+    yellow = hsv[rows, columns, 0] < settings.yellow_hue
     offset = place[None, :2] - cells[:, :2, None]
     over = np.abs(offset).max(axis=1) <= 0.5 * pitch_m
-    radius = rule.middle_radius * nursery_pitch_m
+    radius = settings.middle_radius * nursery_pitch_m
     near = (offset * offset).sum(axis=1) <= radius * radius
     area = over @ pixel_m2
     return CellLook(
@@ -110,23 +114,13 @@ def look_at_cells(
     )
 
 
-def decide(look: CellLook, rule: TrayRule | None = None) -> NDArray[np.int8]:
+def decide(look: CellLook, settings: TraySettings | None = None) -> NDArray[np.int8]:
     """Reports (n,): ``EMPTY``, ``HEALTHY`` or ``POOR``."""
-    rule = rule or TrayRule()
-    poor = (look.area < rule.poor_area) | (look.yellow > rule.yellow_share)
-    return np.where(look.middle < rule.empty_middle, EMPTY, np.where(poor, POOR, HEALTHY)).astype(np.int8)
+    settings = settings or TraySettings()
+    poor = (look.area < settings.poor_area) | (look.yellow > settings.yellow_share)
+    return np.where(look.middle < settings.empty_middle, EMPTY, np.where(poor, POOR, HEALTHY)).astype(np.int8)
 
 
-def classify_row(
-    rgb: NDArray[np.uint8],
-    depth_m: NDArray[np.float32],
-    intrinsics: ArrayLike,
-    world_from_camera: ArrayLike,
-    cells_m: ArrayLike,
-    pitch_m: float,
-    nursery_pitch_m: float,
-    rule: TrayRule | None = None,
-) -> tuple[NDArray[np.int8], CellLook]:
-    """Reports (n,) of the cells of a row, and what they rest on; arguments as for ``look_at_cells``."""
-    look = look_at_cells(rgb, depth_m, intrinsics, world_from_camera, cells_m, pitch_m, nursery_pitch_m, rule)
-    return decide(look, rule), look
+def detect(frame: Frame, context: Cells, settings: TraySettings | None = None) -> NDArray[np.int8]:
+    """Reports (n,) of the cells of a row; arguments as for ``look_at_cells``."""
+    return decide(look_at_cells(frame, context, settings), settings)

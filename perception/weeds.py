@@ -9,13 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .frames import Frame
 from .rosettes import blade_foot, broad_bodies, part, slenderness
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class WeedDetectorSettings:
+class WeedSettings:
     """Thresholds of the detector; found on rendered pictures of other fields than those that are measured.
 
     Attributes:
@@ -84,23 +85,25 @@ def _disc(width_px: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width_px, width_px)), np.uint8)
 
 
-def detect_seedlings(
-    rgb: NDArray[np.uint8],
-    intrinsics: Array,
-    world_from_camera: Array,
-    row_across_m: float = 0.0,
-    settings: WeedDetectorSettings | None = None,
-) -> Seedlings:
+class Row(NamedTuple):
+    """What has to be known to tell crop from weed: ``across_m``, where the crop row runs."""
+
+    across_m: float = 0.0
+
+
+MIDDLE_ROW = Row()
+
+
+def detect(frame: Frame, context: Row = MIDDLE_ROW, settings: WeedSettings | None = None) -> Seedlings:
     """Segment a picture from above, part plants that touch, and say what stands where.
 
     Args:
-        rgb: (h, w, 3), uint8.
-        intrinsics: (3, 3), pixels.
-        world_from_camera: (4, 4), OpenCV axes.
-        row_across_m: where the crop row runs.
+        frame: a picture; its depth is not looked at, the ground is taken for a plane.
+        context: the crop row under it.
         settings: thresholds.
     """
-    chosen = settings or WeedDetectorSettings()
+    rgb, _, (intrinsics, world_from_camera) = frame
+    chosen = settings or WeedSettings()
     pixel_m = world_from_camera[2, 3] / intrinsics[0, 0]
     close = max(1, round(chosen.close_m / pixel_m) // 2 * 2 + 1)
     mask = plant_mask(rgb, chosen.green, close)
@@ -141,7 +144,7 @@ def detect_seedlings(
     stage = (area[:, None] > np.array(chosen.leaf_m2)[species]).sum(axis=1)
     height = np.array(chosen.stem_m)[species, stage]
     position = on_plane(np.array(stems, float).reshape(-1, 2), intrinsics, world_from_camera, height)
-    crop = (area >= chosen.crop_m2) & (np.abs(position[:, 1] - row_across_m) <= chosen.row_half_m)
+    crop = (area >= chosen.crop_m2) & (np.abs(position[:, 1] - context.across_m) <= chosen.row_half_m)
     return Seedlings(position, area, species, stage, crop, np.array(boxes, np.int64).reshape(-1, 4), np.array(fills))
 
 

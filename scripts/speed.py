@@ -215,14 +215,14 @@ def decisions(quick: bool) -> None:
 
 def camera_frames() -> None:
     """The picker's camera: one rendered RGB-D look, and one look with its heads found."""
-    from fieldgym.perception.blooms import detect_blooms
+    from fieldgym.perception import blooms
 
     for scenario in ("pots", "row"):
         env: Any = gym.make(SAFFLOWER, backend="analytic", perception="camera", scenario=scenario).unwrapped
         env.reset(seed=0)
         look = env.view.look()
         render_s = best_of(env.view.look, 15)
-        detect_s = best_of(lambda frame=look: detect_blooms(frame.rgb, frame.depth_m, *frame.camera), 15)
+        detect_s = best_of(lambda frame=look: blooms.detect(frame), 15)
         height, width = look.depth_m.shape
         note = f"{width} x {height}: render {1e3 * render_s:.0f} ms, detect {1e3 * detect_s:.0f} ms"
         LINES.append((f"camera frame, {scenario}", f"{1e3 * (render_s + detect_s):.0f} ms", note))
@@ -231,7 +231,7 @@ def camera_frames() -> None:
 
 def front_camera() -> None:
     """The weeders' front camera on a strip as it is driven: one picture rendered, and its plants found."""
-    from fieldgym.perception.weeds import detect_seedlings
+    from fieldgym.perception import weeds
 
     for scenario in ("load-1.25", "dense"):
         env: Any = gym.make(LASER, backend="analytic", perception="camera", scenario=scenario)
@@ -245,7 +245,7 @@ def front_camera() -> None:
             began = time.perf_counter()
             frame = scene.look_front(cart_m + 0.06 * picture)
             seen = time.perf_counter()
-            detect_seedlings(frame.rgb, *frame.camera)
+            weeds.detect(frame)
             renders.append(seen - began)
             detects.append(time.perf_counter() - seen)
         together = 1e3 * np.add(renders, detects)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fieldgym.envs.safflower.scene import Field, PickerScene
-from fieldgym.perception.blooms import Blooms, detect_blooms
+from fieldgym.perception.blooms import Blooms, detect
 from fieldgym.simulation.picker_model import PickerParameters
 
 PARAMETERS = PickerParameters()
@@ -41,7 +41,7 @@ def blooms(scene: PickerScene, shown: Field) -> Blooms:
     scene.load(shown)
     scene.set_machine(0.0, PARKED)
     look = scene.look()
-    found = detect_blooms(look.rgb, look.depth_m, *look.camera)
+    found = detect(look)
     order = np.argsort(found.position[:, 0])
     return Blooms(found.position[order], found.stage[order], found.spread_m[order], found.confidence[order])
 
@@ -89,7 +89,7 @@ def test_buds_and_picked_heads_have_no_filaments(scene):
     assert blooms(scene, field((0, 1, 0))).stage.tolist() == [1]
     scene.set_picked(1)
     look = scene.look()
-    assert len(detect_blooms(look.rgb, look.depth_m, *look.camera).stage) == 0
+    assert len(detect(look).stage) == 0
 
 
 def test_a_leaf_over_a_head_lowers_the_confidence_and_misplaces_it(scene):
@@ -108,7 +108,7 @@ def test_the_cart_carries_the_camera(scene):
     scene.load(moved)
     scene.set_machine(0.7, PARKED)
     look = scene.look()
-    there = detect_blooms(look.rgb, look.depth_m, *look.camera)
+    there = detect(look)
     assert np.sort(there.position[:, 0]) - 0.7 == pytest.approx(np.sort(here.position[:, 0]), abs=1e-3)
 
 

@@ -7,8 +7,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fieldgym.perception.blooms import BloomConfig, detect_blooms
-from fieldgym.simulation.camera import Camera
+from fieldgym.perception.blooms import BloomSettings, detect
+from fieldgym.perception.frames import Camera, CameraPose, Frame
+from fieldgym.simulation import camera as pictures
 from fieldgym.simulation.client import PhysicsClient, pybullet
 from fieldgym.simulation.meshes import Pool, box, spiny_leaf, surface_of_revolution, tuft, upright_to
 
@@ -32,7 +33,7 @@ def test_camera_geometry_is_right_to_a_fifth_of_a_pixel():
             pool.clear()
             pool.place(np.array(place))
             eye = np.array([0.0, 0.0, 0.6])
-            frame = camera.look(client, eye, eye - [0.0, 0.0, 1.0], np.array([0.0, 1.0, 0.0]))
+            frame = pictures.look(camera, client, eye, eye - [0.0, 0.0, 1.0], np.array([0.0, 1.0, 0.0]))
             rows, columns = np.nonzero(frame.rgb[..., 0].astype(int) - frame.rgb[..., 2] > 60)
             focal, depth = frame.camera.intrinsics[0, 0], float(np.median(frame.depth_m[rows, columns]))
             pixel = np.array([columns.mean(), rows.mean(), 1.0])
@@ -49,7 +50,7 @@ def test_heads_in_pots_are_found_where_they_are(picker):
         for stop in (0, 7, 14):
             core.state.pose[0, 0] = core._centres[stop] - core.config.machine.picker.camera_ahead_m
             look = picker.view.look()
-            blooms = detect_blooms(look.rgb, look.depth_m, *look.camera)
+            blooms = detect(look)
             truth = core.state.head_position[0, core.head_exists[0]] + core.frame
             inside = truth[np.abs(truth[:, 0] - core._centres[stop]) < 0.2]
             gaps = np.linalg.norm(inside[:, None] - blooms.position[None], axis=-1).min(axis=1)
@@ -84,7 +85,7 @@ def test_picking_takes_the_filaments_out_of_the_picture(picker):
     picker.step(2)
     core.state.pose[0] = core._first_pose
     look = picker.view.look()
-    blooms = detect_blooms(look.rgb, look.depth_m, *look.camera)
+    blooms = detect(look)
     assert np.count_nonzero(np.abs(blooms.position[:, 0] - core._centres[0]) < 0.22) == before - 1
 
 
@@ -118,7 +119,7 @@ def test_a_closed_scene_says_so():
         env.view.frame()
 
 
-def synthetic(discs: list[tuple[int, int, int]], depth_m: float = 0.5) -> Any:
+def synthetic(discs: list[tuple[int, int, int]], depth_m: float = 0.5) -> Frame:
     """A look at flat discs (u, v, radius in pixels) of fresh filaments on leaves, 850 px focal length."""
     rgb = np.full((360, 480, 3), (60, 110, 45), np.uint8)
     depth = np.full((360, 480), 0.7, np.float32)
@@ -126,27 +127,27 @@ def synthetic(discs: list[tuple[int, int, int]], depth_m: float = 0.5) -> Any:
         cv2.circle(rgb, (u, v), radius, (250, 165, 25), -1)
         cv2.circle(depth, (u, v), radius, depth_m, -1)
     intrinsics = np.array([[850.0, 0.0, 240.0], [0.0, 850.0, 179.0], [0.0, 0.0, 1.0]])
-    return rgb, depth, intrinsics, np.diag([1.0, -1.0, -1.0, 1.0])
+    return Frame(rgb, depth, CameraPose(intrinsics, np.diag([1.0, -1.0, -1.0, 1.0])))
 
 
 def test_touching_heads_are_told_apart():
-    blooms = detect_blooms(*synthetic([(200, 180, 34), (262, 180, 34)]))
+    blooms = detect(synthetic([(200, 180, 34), (262, 180, 34)]))
     assert len(blooms.stage) == 2
     assert sorted(blooms.position[:, 0]) == pytest.approx([-40 * 0.506 / 850, 22 * 0.506 / 850], abs=1.5e-3)
 
 
 def test_what_is_too_small_too_far_or_green_is_no_head():
-    assert len(detect_blooms(*synthetic([(200, 180, 4)])).stage) == 0
-    assert len(detect_blooms(*synthetic([(200, 180, 34)], depth_m=0.9)).stage) == 0
-    assert len(detect_blooms(*synthetic([])).stage) == 0
+    assert len(detect(synthetic([(200, 180, 4)])).stage) == 0
+    assert len(detect(synthetic([(200, 180, 34)], depth_m=0.9)).stage) == 0
+    assert len(detect(synthetic([])).stage) == 0
 
 
 @pytest.mark.parametrize(("colour", "stage"), [((250, 165, 25), 1), ((235, 80, 20), 2), ((110, 45, 25), 3)])
 def test_colour_tells_the_stage(colour, stage):
-    rgb, *rest = synthetic([(200, 180, 34)])
-    rgb[(rgb == (250, 165, 25)).all(axis=-1)] = colour
-    assert detect_blooms(rgb, *rest).stage.tolist() == [stage]
-    assert BloomConfig().head_spread_m == 0.04785
+    frame = synthetic([(200, 180, 34)])
+    frame.rgb[(frame.rgb == (250, 165, 25)).all(axis=-1)] = colour
+    assert detect(frame).stage.tolist() == [stage]
+    assert BloomSettings().head_spread_m == 0.04785
 
 
 def test_meshes_are_closed_where_they_should_be_and_normals_are_unit():

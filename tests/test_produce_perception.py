@@ -14,7 +14,7 @@ from fieldgym.envs.sorting.reports import wrapped
 from fieldgym.envs.sorting.scene import OPEN_M, ShownItem, SorterScene, item_colour
 from fieldgym.envs.sorting.view import SorterView, sensor_noise
 from fieldgym.motion.orientation import axes, tilted
-from fieldgym.perception.produce import detect_produce
+from fieldgym.perception.produce import Belt, detect
 from fieldgym.scripts import measure_produce_camera
 
 BELT_M = SortingConfig().machine.sorter.belt_height_m
@@ -38,7 +38,7 @@ def find(scene, items, noise=None):
     scene.set_items(items)
     look = scene.look()
     look = look if noise is None else sensor_noise(look, noise, 0)
-    return detect_produce(look.rgb, look.depth_m, look.camera, BELT_M)
+    return detect(look, Belt(BELT_M))
 
 
 @pytest.mark.parametrize("noise", [None, 3])

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from fieldgym.simulation.camera import Camera
+from fieldgym.perception.frames import Camera
+from fieldgym.simulation.camera import look
 from fieldgym.simulation.client import PhysicsClient
 from fieldgym.simulation.meshes import Pool, box, frustum, rod, surface_of_revolution
 
@@ -22,7 +23,7 @@ def client() -> Iterator[PhysicsClient]:
 
 
 def red_pixels(client: PhysicsClient, *, shadows: bool = False) -> int:
-    rgb = CAMERA.look(client, EYE, DOWN, UP, shadows=shadows).rgb.astype(int)
+    rgb = look(CAMERA, client, EYE, DOWN, UP, shadows=shadows).rgb.astype(int)
     return int(np.count_nonzero(rgb[..., 0] - rgb[..., 1] > 40))
 
 
@@ -58,13 +59,13 @@ def test_a_pool_says_when_it_is_empty_and_keeps_its_colours(client):
 def test_hidden_copies_throw_no_shadow(client):
     ground = Pool(client, box((2.0, 2.0, 0.02), bottom=False), (0.8, 0.8, 0.8, 1.0), 1)
     ground.place((0.0, 0.0, -0.01))
-    bare = CAMERA.look(client, EYE, DOWN, UP, shadows=True).rgb
+    bare = look(CAMERA, client, EYE, DOWN, UP, shadows=True).rgb
     pool = Pool(client, box((0.1, 0.1, 0.02)), RED, 4)
     for x in (-0.2, 0.0, 0.2):
         pool.place((x, 0.0, 0.2))
-    assert not np.array_equal(CAMERA.look(client, EYE, DOWN, UP, shadows=True).rgb, bare)
+    assert not np.array_equal(look(CAMERA, client, EYE, DOWN, UP, shadows=True).rgb, bare)
     pool.clear()
-    assert np.array_equal(CAMERA.look(client, EYE, DOWN, UP, shadows=True).rgb, bare)
+    assert np.array_equal(look(CAMERA, client, EYE, DOWN, UP, shadows=True).rgb, bare)
 
 
 @pytest.mark.parametrize("up", [(0.0, 1.0, 0.0), (0.6, 0.8, 0.0)])
@@ -75,14 +76,14 @@ def test_leaving_out_what_cannot_be_seen_changes_no_pixel(client, up):
     for place in numbers.uniform((-0.5, -0.5, 0.0), (0.8, 0.6, 0.6), (60, 3)):
         pool.place(place)
     view = EYE, DOWN + np.array([0.2, 0.1, 0.0]), np.array(up)
-    full = CAMERA.look(client, *view)
+    full = look(CAMERA, client, *view)
     seen = CAMERA.sees(pool.places, pool.reach_m, *view)
     pool.show(seen)
-    culled = CAMERA.look(client, *view)
+    culled = look(CAMERA, client, *view)
     assert 10 < seen.sum() < 50
     assert np.array_equal(full.rgb, culled.rgb) and np.array_equal(full.depth_m, culled.depth_m)
     pool.show(~seen)
-    assert CAMERA.look(client, *view).depth_m.min() > 1.99
+    assert look(CAMERA, client, *view).depth_m.min() > 1.99
 
 
 def test_a_box_without_its_bottom_looks_the_same_from_above(client):
@@ -90,10 +91,10 @@ def test_a_box_without_its_bottom_looks_the_same_from_above(client):
         assert box((0.2, 0.1, 0.05), bottom=bottom).triangles.shape == (12 if bottom else 10, 3)
     pool = Pool(client, box((0.2, 0.1, 0.05), bottom=True), RED, 1)
     pool.place((0.0, 0.0, 0.0))
-    whole = CAMERA.look(client, EYE, DOWN, UP).rgb
+    whole = look(CAMERA, client, EYE, DOWN, UP).rgb
     pool.clear()
     Pool(client, box((0.2, 0.1, 0.05), bottom=False), RED, 1).place((0.0, 0.0, 0.0))
-    assert np.array_equal(CAMERA.look(client, EYE, DOWN, UP).rgb, whole)
+    assert np.array_equal(look(CAMERA, client, EYE, DOWN, UP).rgb, whole)
 
 
 def test_a_rod_runs_from_end_to_end():

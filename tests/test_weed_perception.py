@@ -6,12 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fieldgym.perception.frames import CameraPose, Frame
 from fieldgym.perception.rosettes import Rosette, blade_foot, broad_bodies, part, slenderness
 from fieldgym.perception.weeds import (
+    Row,
     Seedlings,
-    WeedDetectorSettings,
+    WeedSettings,
     WeedTracker,
-    detect_seedlings,
+    detect,
     on_plane,
     plant_mask,
 )
@@ -111,6 +113,11 @@ def test_rays_meet_the_plane_where_the_point_is(x, y, z):
     assert place == pytest.approx([x, y], abs=1e-9)
 
 
+def seen(rgb):
+    """The picture as the camera gives it."""
+    return Frame(rgb, np.zeros(rgb.shape[:2], np.float32), CameraPose(INTRINSICS, CAMERA))
+
+
 def painted(*draw):
     """A picture of soil with plants drawn into it."""
     rgb = np.full((320, 400, 3), SOIL, np.uint8)
@@ -129,7 +136,7 @@ def test_the_detector_says_what_stands_where():
         lambda m: leaves(m, (200, 160), 44, 24, [0.0, 60.0, 120.0, 180.0, 240.0, 300.0]),
         lambda m: leaves(m, (90, 318), 20, 10, [0.0, 90.0, 180.0, 270.0]),
     )
-    found = detect_seedlings(rgb, INTRINSICS, CAMERA)
+    found = detect(seen(rgb))
     # The fifth plant is cut off by the picture's edge.
     assert len(found.position) == 4
     assert found.crop.sum() == 1
@@ -140,19 +147,19 @@ def test_the_detector_says_what_stands_where():
     grass = int(np.flatnonzero(found.species == 1)[0])
     assert found.position[grass] == pytest.approx([-40 * PIXEL_M, -100 * PIXEL_M], abs=0.004)
     assert found.position[found.crop][0] == pytest.approx([0.0, 0.0], abs=0.003)
-    whole = detect_seedlings(rgb, INTRINSICS, CAMERA, settings=WeedDetectorSettings(whole=False))
+    whole = detect(seen(rgb), settings=WeedSettings(whole=False))
     assert len(whole.position) == 5
 
 
 def test_a_crop_plant_is_one_only_in_the_row():
     rgb = painted(lambda m: leaves(m, (60, 160), 44, 24, [0.0, 60.0, 120.0, 180.0, 240.0, 300.0]))
-    assert not detect_seedlings(rgb, INTRINSICS, CAMERA).crop.any()
+    assert not detect(seen(rgb)).crop.any()
     row = -(60 - 200) * PIXEL_M
-    assert detect_seedlings(rgb, INTRINSICS, CAMERA, row_across_m=row).crop.tolist() == [True]
+    assert detect(seen(rgb), Row(row)).crop.tolist() == [True]
 
 
 def test_an_empty_field_has_no_plants():
-    found = detect_seedlings(painted(), INTRINSICS, CAMERA)
+    found = detect(seen(painted()))
     assert found.position.shape == (0, 2) and found.box.shape == (0, 4)
 
 

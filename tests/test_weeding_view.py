@@ -22,7 +22,7 @@ from fieldgym.envs.weeding.field import (
 from fieldgym.envs.weeding.scene import WeederScene
 from fieldgym.envs.weeding.tools.laser.machine import weeder_parameters
 from fieldgym.envs.weeding.view import TOOL_SETTINGS
-from fieldgym.perception.weeds import detect_seedlings
+from fieldgym.perception.weeds import detect
 from fieldgym.scripts.measure_weed_cameras import MATCH_M, factors, kept, match
 
 SCENARIO = SCENARIOS["load-1.0"]
@@ -45,7 +45,7 @@ def show(scene, weeds, crop=((5.0, 0.0),)):
 
 def look(scene, cart_m=-0.85):
     frame = scene.look_front(cart_m)
-    return detect_seedlings(frame.rgb, frame.camera.intrinsics, frame.camera.world_from_camera)
+    return detect(frame)
 
 
 KINDS = [(x, y, s, g) for s, y in ((0, 0.11), (1, -0.11)) for g, x in ((0, -0.1), (1, 0.0), (2, 0.1))]
@@ -97,8 +97,7 @@ def test_the_tool_camera_finds_the_stem_within_its_gate(scene):
         told = np.array([x + 0.007, y - 0.002])
         centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
         frame = scene.look_tool(centre, told)
-        camera = frame.camera
-        found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera, settings=TOOL_SETTINGS)
+        found = detect(frame, settings=TOOL_SETTINGS)
         assert np.hypot(*(found.position - [x, y]).T).min() < 0.003, (species, stage)
 
 

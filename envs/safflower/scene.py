@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...simulation.camera import Camera, RgbdFrame
+from ...perception.frames import Camera, Frame
+from ...simulation.camera import look
 from ...simulation.client import PhysicsClient
 from ...simulation.meshes import (
     Mesh,
@@ -121,7 +122,7 @@ class PickerScene:
             width, copy = self._tuft_of_head[head]
             self._pools[f"tuft{width}"].park(copy)
 
-    def look(self) -> RgbdFrame:
+    def look(self) -> Frame:
         """What the machine's camera sees, straight down on the window in front of the arm."""
         self._plant()
         p = self.parameters
@@ -130,7 +131,7 @@ class PickerScene:
         view = eye, eye - np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
         for pool in self._pools.values():
             pool.show(self._eye.sees(pool.places, pool.reach_m, *view))
-        return self._eye.look(self._client, *view)
+        return look(self._eye, self._client, *view)
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of machine and plants from beside the row."""
@@ -140,7 +141,7 @@ class PickerScene:
         camera = Camera(width, height, np.deg2rad(38.0), 0.1, 12.0)
         middle = np.array([self._cart_x_m + 0.08, 0.0, 0.5 * self.parameters.motor_height_m + 0.18])
         eye = middle + np.array([0.62, -2.15, 0.80])
-        frame = camera.look(self._client, eye, middle, np.array([0.0, 0.0, 1.0]), shadows=True)
+        frame = look(camera, self._client, eye, middle, np.array([0.0, 0.0, 1.0]), shadows=True)
         empty = frame.depth_m > 0.99 * camera.far_m
         sky = np.linspace((176, 205, 232), (236, 241, 243), height).astype(np.uint8)
         return np.where(empty[..., None], sky[:, None], frame.rgb)

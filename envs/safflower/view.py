@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ...perception.blooms import detect_blooms
-from ...simulation.camera import RgbdFrame
+from ...perception import blooms
+from ...perception.frames import Frame
 from ..core import Array, StepResult
 from .core import SafflowerCore
 from .field import fixed_order, stop_centres
@@ -38,16 +38,16 @@ class PickerView:
         if not core.state.look_due[0]:
             return
         look = self.look()
-        blooms = detect_blooms(look.rgb, look.depth_m, *look.camera)
+        seen = blooms.detect(look)
         stop = int(core.state.stop[0])
         half = 0.5 * core.config.scenario.window_m
-        here = np.abs(blooms.position[:, 0] - self._centres[stop]) <= half
-        position = blooms.position[here]
+        here = np.abs(seen.position[:, 0] - self._centres[stop]) <= half
+        position = seen.position[here]
         order = fixed_order(core.config, position[None], np.ones((1, len(position)), bool))[0][0]
         position = position[order]
-        core.receive(0, position, blooms.stage[here][order], blooms.spread_m[here][order], self._heads_behind(position))
+        core.receive(0, position, seen.stage[here][order], seen.spread_m[here][order], self._heads_behind(position))
 
-    def look(self) -> RgbdFrame:
+    def look(self) -> Frame:
         """What the machine's camera sees now."""
         self._follow()
         return self._scene.look()

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...motion.orientation import LEVEL, axes, from_euler, product
-from ...simulation.camera import Camera, RgbdFrame
+from ...perception.frames import Camera, Frame
+from ...simulation.camera import look
 from ...simulation.client import PhysicsClient, pybullet
 from ...simulation.meshes import Mesh, Pool, box, ellipsoid, merged, rotation_z, turned
 from ...simulation.prrs_model import GANTRY_LEVEL_M
@@ -114,19 +115,24 @@ class SorterScene:
             pybullet.changeVisualShape(body, -1, rgbaColor=list(item.colour), physicsClientId=client)
             self._bodies[item.key] = body
 
-    def look(self) -> RgbdFrame:
+    def look(self) -> Frame:
         """What the cell's camera sees, straight down on the belt upstream; the image's long side lies across it."""
         self._require_open()
         eye = np.array([self._config.belt.camera_x_m, 0.0, self._top + CAMERA_HEIGHT_M])
-        return self._eye.look(self._client, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+        return look(self._eye, self._client, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of the cell from beside the belt."""
         self._require_open()
         camera = Camera(width, height, np.deg2rad(41.0), 0.1, 12.0)
         middle = np.array([-0.10, 0.0, self._top + 0.23])
-        return camera.look(
-            self._client, middle + np.array([0.72, -1.15, 0.72]), middle, np.array([0.0, 0.0, 1.0]), shadows=True
+        return look(
+            camera,
+            self._client,
+            middle + np.array([0.72, -1.15, 0.72]),
+            middle,
+            np.array([0.0, 0.0, 1.0]),
+            shadows=True,
         ).rgb
 
     def close(self) -> None:

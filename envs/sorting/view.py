@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...motion.orientation import LEVEL, conjugate, product, tilted
-from ...perception.produce import Produce, ProduceRules, detect_produce
-from ...simulation.camera import RgbdFrame
+from ...perception.frames import Frame
+from ...perception.produce import Belt, Produce, ProduceSettings, detect
 from ..core import Array, StepResult
 from .core import SortingCore
 from .field import ARRIVAL_S, AZIMUTH, FRUIT, GRADE, LENGTH_M, REPORT, SKIN, THICKNESS, TILT, WIDTH, Y_M, YAW, Z_M
@@ -32,13 +32,13 @@ _EMPTY_GAP_M = 0.010
 _GRAVITY_M_S2 = 9.81
 
 
-def sensor_noise(frame: RgbdFrame, seed: int, number: int) -> RgbdFrame:
+def sensor_noise(frame: Frame, seed: int, number: int) -> Frame:
     """What a real camera would make of a rendered image; the same for the same episode and image."""
     rng = np.random.default_rng([seed, number])
     gain = 1.0 + np.float32(GAIN_SIGMA) * rng.standard_normal(3, dtype=np.float32)
     rgb = frame.rgb * gain + np.float32(COLOUR_SIGMA) * rng.standard_normal(frame.rgb.shape, dtype=np.float32)
     depth = frame.depth_m + np.float32(DEPTH_SIGMA_M) * rng.standard_normal(frame.depth_m.shape, dtype=np.float32)
-    return RgbdFrame(np.clip(np.rint(rgb), 0, 255).astype(np.uint8), depth, frame.camera)
+    return Frame(np.clip(np.rint(rgb), 0, 255).astype(np.uint8), depth, frame.camera)
 
 
 class SorterView:
@@ -48,7 +48,7 @@ class SorterView:
         """Build the scene."""
         self._core, self._config = core, core.config
         self._scene = SorterScene(core.config, window=window)
-        self._rules = ProduceRules(ware_from_m=core.config.produce.ware_from_m)
+        self._settings = ProduceSettings(ware_from_m=core.config.produce.ware_from_m)
         self._episode, self._frames = -1, 0
         self._free = np.zeros(0, bool)
         self._binned: list[tuple[int, ShownItem]] = []
@@ -75,7 +75,7 @@ class SorterView:
         self._scene.set_items(self._items(taken_s, np.ones_like(self._free)))
         look = sensor_noise(self._scene.look(), int(self._core.sensor_seed[0]), number)
         height = self._config.machine.sorter.belt_height_m
-        return taken_s, detect_produce(look.rgb, look.depth_m, look.camera, height, self._rules)
+        return taken_s, detect(look, Belt(height), self._settings)
 
     def frame(self) -> NDArray[np.uint8]:
         """Picture of the present state."""

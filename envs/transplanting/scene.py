@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...simulation.camera import Camera, RgbdFrame
+from ...perception.frames import Camera, Frame
+from ...simulation.camera import look
 from ...simulation.client import PhysicsClient
 from ...simulation.meshes import Mesh, Pool, box, flat_shaded, merged, surface_of_revolution, tube, turned, whorl
 from ...simulation.transplanter import TransplanterMachine
@@ -143,7 +144,7 @@ class TrayScene:
         across = self._centre_m[side] + (np.arange(kind.columns) - 0.5 * (kind.columns - 1)) * kind.pitch_m
         return np.column_stack([np.full(kind.columns, -CAMERA_AHEAD_M), across, np.full(kind.columns, TRAY_TOP_M)])
 
-    def look(self, side: Side, row: int) -> RgbdFrame:
+    def look(self, side: Side, row: int) -> Frame:
         """What the side's camera saw when ``row`` passed under it."""
         self._require_open()
         self._clear()
@@ -151,7 +152,7 @@ class TrayScene:
         self._lay(side, offsets[row] - CAMERA_AHEAD_M, -CAMERA_AHEAD_M - _IN_VIEW_M, -CAMERA_AHEAD_M + _IN_VIEW_M)
         self._stale = True
         eye = np.array([-CAMERA_AHEAD_M, self._centre_m[side], TRAY_TOP_M + CAMERA_ABOVE_M])
-        return self._eye.look(self._client, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+        return look(self._eye, self._client, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of machine and trays, from behind the outgoing rows."""
@@ -167,7 +168,7 @@ class TrayScene:
         camera = Camera(width, height, np.deg2rad(40.0), 0.1, 12.0)
         # Shadows would cost three times as much as all the rest.
         eye, middle = np.array([1.45, 0.80, 1.95]), np.array([-0.02, 0.0, 1.18])
-        return camera.look(self._client, eye, middle, np.array([0.0, 0.0, 1.0])).rgb
+        return look(camera, self._client, eye, middle, np.array([0.0, 0.0, 1.0])).rgb
 
     def close(self) -> None:
         """Close the client; idempotent."""

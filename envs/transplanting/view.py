@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...motion import QUINTIC
-from ...perception.trays import classify_row
+from ...perception import trays
 from ..core import Array, StepResult
 from .config import EMPTY
 from .core import TransplantingCore
@@ -50,16 +50,9 @@ class TransplantView:
                 reports.append(np.zeros(line.tray.columns, np.int8))
                 continue
             frame = self._scene.look(side, rows[side])
-            report, _ = classify_row(
-                frame.rgb,
-                frame.depth_m,
-                frame.camera.intrinsics,
-                frame.camera.world_from_camera,
-                self._scene.cells_m(side),
-                line.tray.pitch_m,
-                self._lines["source"].tray.pitch_m,
-            )
-            reports.append(report)
+            nursery_pitch_m = self._lines["source"].tray.pitch_m
+            cells = trays.Cells(self._scene.cells_m(side), line.tray.pitch_m, nursery_pitch_m)
+            reports.append(trays.detect(frame, cells))
         core.receive(0, *reports)
 
     def frame(self) -> NDArray[np.uint8]:

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...simulation.camera import Camera, RgbdFrame, below_ground
+from ...perception.frames import Camera, Frame
+from ...simulation.camera import below_ground, look
 from ...simulation.client import PhysicsClient, pybullet
 from ...simulation.meshes import (
     Mesh,
@@ -153,7 +154,7 @@ class FieldScene:
             self._dead_weed, self._dead_crop, self._marks = weed.copy(), crop.copy(), list(marks)
             self._planted_m = np.inf
 
-    def look_front(self, cart_m: float) -> RgbdFrame:
+    def look_front(self, cart_m: float) -> Frame:
         """What the front camera sees, straight down; the top of the picture is ahead."""
         self._plant(cart_m)
         eye = np.array([cart_m + self.config.cart.camera_ahead_m, 0.0, self._eye_m])
@@ -175,7 +176,7 @@ class FieldScene:
         return self._show(Camera(width, height, np.deg2rad(40.0), 0.05, 3.0), eye, middle)
 
     def _show(self, camera: Camera, eye: Array, middle: Array) -> NDArray[np.uint8]:
-        frame = camera.look(self._client, eye, middle, np.array([0.0, 0.0, 1.0]), shadows=True)
+        frame = look(camera, self._client, eye, middle, np.array([0.0, 0.0, 1.0]), shadows=True)
         empty = frame.depth_m > 0.99 * camera.far_m
         sky = np.linspace((176, 205, 232), (236, 241, 243), camera.height).astype(np.uint8)
         return np.where(empty[..., None], sky[:, None], frame.rgb)
@@ -197,7 +198,7 @@ class FieldScene:
         """Close the client; idempotent."""
         self._client.close()
 
-    def _look_down(self, camera: Camera, eye: Array, target: Array) -> RgbdFrame:
+    def _look_down(self, camera: Camera, eye: Array, target: Array) -> Frame:
         up = np.array([1.0, 0.0, 0.0])
         # One look for all pools: a dozen small ones would take a quarter of the picture's time.
         pools = list(self._pools.values())
@@ -210,7 +211,7 @@ class FieldScene:
             pool.show(visible)
         # The ground is flat and of one colour: painting it takes a third of the time that drawing it does.
         self._pools["ground"].show(np.zeros(1, bool))
-        frame = camera.look(self._client, eye, target, up)
+        frame = look(camera, self._client, eye, target, up)
         soil = np.tile(self._soil, (camera.height, camera.width, 1))
         covered = np.asarray(cv2.copyTo(soil, below_ground(frame).view(np.uint8), frame.rgb), np.uint8)
         return frame._replace(rgb=self._sensor(covered, eye))
@@ -219,7 +220,7 @@ class FieldScene:
         """Colour (3,) of lit ground; to be asked before anything else stands in the world."""
         self._pools["ground"].place((0.0, 0.0, -0.01))
         above, ahead = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
-        picture = Camera(9, 9).look(self._client, above, np.zeros(3), ahead).rgb
+        picture = look(Camera(9, 9), self._client, above, np.zeros(3), ahead).rgb
         self._pools["ground"].clear()
         return picture[4, 4]
 
@@ -339,7 +340,7 @@ class WeederScene(FieldScene):
         pybullet.resetBasePositionAndOrientation(self._beam, at, turn, physicsClientId=self._client.id)
         pybullet.resetBasePositionAndOrientation(self._spot, spot, turn, physicsClientId=self._client.id)
 
-    def look_tool(self, centre: Array, spot: Array) -> RgbdFrame:
+    def look_tool(self, centre: Array, spot: Array) -> Frame:
         """What the camera beside the laser sees from the platform's ``centre`` (3,) towards a place (2,)."""
         self._plant(float(centre[0]))
         return self._look_down(self.tool, centre, np.array([spot[0], spot[1], self._reach.target_height_m]))

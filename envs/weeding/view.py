@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...perception.weeds import Seedlings, WeedDetectorSettings, WeedTracker, detect_seedlings
+from ...perception.weeds import Seedlings, WeedSettings, WeedTracker, detect
 from ..core import Array, StepResult
 from .config import WeedingConfig
 from .core import WeedingCore
@@ -23,7 +23,7 @@ FRAME_EVERY_M = 0.06
 """The front camera takes a picture after this much way: six or seven of every weed."""
 DELAY_S = 0.15
 """From a picture to the use of what it showed [assumed, within the published 50-300 ms]."""
-TOOL_SETTINGS = WeedDetectorSettings(close_m=0.0012, whole=False)
+TOOL_SETTINGS = WeedSettings(close_m=0.0012, whole=False)
 """Of the detector behind the tool camera, whose view is not much larger than the largest weed."""
 SAME_M = 0.006
 """A track this near to where the tool has worked is of the same plant."""
@@ -58,8 +58,7 @@ class FrontCamera:
         """Take the pictures that are due until the cart is at ``cart_m``."""
         while self.next_m <= cart_m:
             frame = self._scene.look_front(self.next_m)
-            camera = frame.camera
-            found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera)
+            found = detect(frame)
             middle, half = self.next_m + self._ahead_m, self._half_view_m
             self.tracker.update(found, self.next_m, (middle - half, middle + half))
             self.last = frame.rgb, found
@@ -300,8 +299,7 @@ class WeederView(FieldView[WeederScene]):
         reach = self._config.reach
         centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
         frame = self.camera_scene().look_tool(centre, told)
-        camera = frame.camera
-        found = detect_seedlings(frame.rgb, camera.intrinsics, camera.world_from_camera, settings=TOOL_SETTINGS)
+        found = detect(frame, settings=TOOL_SETTINGS)
         if not len(found.position):
             return None
         gap = np.hypot(*(found.position - told).T)
