@@ -29,3 +29,9 @@ def asset_path(name: str) -> Iterator[Path]:
         )
     with resources.as_file(entry) as path:
         yield path
+
+
+def asset_text(name: str) -> str:
+    """The UTF-8 text of an asset; name and errors as for ``asset_path``."""
+    with asset_path(name) as path:
+        return path.read_text("utf-8")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels.config import Config, nested, num
 from ..mechanisms import TranslationalFiveBar
 from .picker_model import ALUMINIUM, DARK, FRAME, ORANGE, STEEL
 from .urdf import Box, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
@@ -27,34 +28,41 @@ _POST_X_M, _HALF_SPAN_M = -0.10, 0.62
 
 
 @dataclass(frozen=True)
-class TransplanterParameters:
-    """Everything that the transplanter's physics and looks depend on.
+class TransplanterParameters(Config):
+    """Everything that the transplanter's physics and looks depend on."""
 
-    Attributes:
-        arm: geometry and masses (assumed but for the window, see ``TranslationalFiveBar.transplanter``).
-        motor_height_m: motor axes above the ground (assumed: conveyors at working height).
-        half_platform_m: half the distance of the wrists on the platform; the motors stand as much farther out than the
-            mechanism's offset (assumed).
-        gripper_drop_m: needle tips below the wrists (assumed).
-        torque_limit_n_m: each motor behind its gear (assumed: 1.6 times the 56 N m that the fastest gate with the
-            published payload needs).
-        physics_hz: simulation steps a second (assumed; the tracking figures are measured with it).
-    """
+    arm: TranslationalFiveBar = nested(
+        TranslationalFiveBar.transplanter,
+        "Geometry and masses [assumed but for the window, see TranslationalFiveBar.transplanter].",
+    )
+    motor_height_m: float = num(
+        1.690, 0.1, 5.0, "m", "Motor axes above the ground [assumed: conveyors at working height]."
+    )
+    half_platform_m: float = num(
+        0.045,
+        0.001,
+        0.5,
+        "m",
+        "Half the distance of the wrists on the platform; the motors stand as much farther out than the mechanism's "
+        "offset [assumed].",
+    )
+    gripper_drop_m: float = num(0.250, 0.110, 2.0, "m", "Needle tips below the wrists [assumed].")
+    torque_limit_n_m: float = num(
+        90.0,
+        0.1,
+        1e4,
+        "N m",
+        "Each motor behind its gear [assumed: 1.6 times the 56 N m that the fastest gate with the published payload "
+        "needs].",
+    )
+    physics_hz: float = num(
+        500.0, 50.0, 1e4, "Hz", "Simulation steps a second [assumed; the tracking figures are measured with it]."
+    )
 
-    arm: TranslationalFiveBar = field(default_factory=TranslationalFiveBar.transplanter)
-    motor_height_m: float = 1.690
-    half_platform_m: float = 0.045
-    gripper_drop_m: float = 0.250
-    torque_limit_n_m: float = 90.0
-    physics_hz: float = 500.0
-
-    def __post_init__(self) -> None:
-        """Check that every number is positive and finite and that the arm has masses."""
-        for name, value in vars(self).items():
-            if name != "arm" and not 0.0 < value < np.inf:
-                raise ValueError(f"{name} = {value}: give a positive, finite number")
+    def check(self) -> None:
+        """The arm has masses."""
         if self.arm.masses is None:
-            raise ValueError("arm.masses is None: give LinkMasses(...), or use TranslationalFiveBar.transplanter()")
+            self.refuse("arm.masses", "give LinkMasses(...), or use TranslationalFiveBar.transplanter()")
 
 
 def transplanter_robot(parameters: TransplanterParameters, *, looks: bool = False) -> Robot:

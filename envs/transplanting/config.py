@@ -7,14 +7,15 @@ Every number says where it comes from: [published] printed by a source, [identif
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
-from importlib.resources import files
 from math import inf, isclose
 from typing import Literal
 
+from ...kernels.config import Config, choice, flag, nested, num
 from ...mechanisms import TranslationalFiveBar
 from ...motion import GATE_STYLES, Gate
+from ...simulation.assets import asset_text
 
 SPEEDS = ("gentle", "normal", "fast")
 REPORTS = ("empty", "healthy", "poor")
@@ -23,38 +24,25 @@ EMPTY, HEALTHY, POOR, DAMAGED = range(4)
 
 Motion = Literal["stop-quintic", "stop-septic", "stop-fastest", "blended", "time-optimal"]
 MOTIONS: tuple[Motion, ...] = GATE_STYLES
-
-
-def _require(owner: object, low: float, *names: str, high: float = inf) -> None:
-    for name in names:
-        value = getattr(owner, name)
-        if not low <= value <= high:
-            raise ValueError(f"{type(owner).__name__}.{name} = {value}: allowed range [{low}, {high}]")
+Confusion = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
-class Tray:
-    """A tray of 540 x 280 mm [published: vendors' pages] that travels lengthwise, so that its short rows are served.
+class Tray(Config):
+    """A tray of 540 x 280 mm that travels lengthwise, so that its short rows are served."""
 
-    Attributes:
-        rows: rows along the direction of travel.
-        columns: cells of a row, across it.
-        pitch_m: distance of neighbouring cells both ways, from the published cell counts.
-    """
+    rows: int = num(..., 1, 100, "", "Rows along the direction of travel [published: vendors' pages].")
+    columns: int = num(..., 1, 50, "", "Cells of a row, across the direction of travel [published: vendors' pages].")
+    pitch_m: float = num(..., 0.005, 0.5, "m", "Distance of neighbouring cells both ways [assumed: from the counts].")
+    length_m: float = num(0.540, 0.05, 3.0, "m", "Length of the tray [published: vendors' pages].")
+    width_m: float = num(0.280, 0.05, 1.0, "m", "Width of the tray [published: vendors' pages].")
 
-    rows: int
-    columns: int
-    pitch_m: float
-    length_m: float = 0.540
-    width_m: float = 0.280
-
-    def __post_init__(self) -> None:
-        """Check that the cells fit the tray."""
-        _require(self, 1, "rows", "columns")
-        _require(self, 1e-3, "pitch_m", "length_m", "width_m")
+    def check(self) -> None:
+        """The cells fit the tray."""
         for name, cells, room in (("rows", self.rows, self.length_m), ("columns", self.columns, self.width_m)):
             if cells * self.pitch_m > room + 1e-9:
-                raise ValueError(f"{name} = {cells} at {1e3 * self.pitch_m:.0f} mm do not fit {1e3 * room:.0f} mm")
+                most = int((room + 1e-9) / self.pitch_m)
+                self.refuse(name, f"at {1e3 * self.pitch_m:g} mm at most {most} fit {1e3 * room:g} mm")
 
     @property
     def cells(self) -> int:
@@ -84,57 +72,76 @@ def tray(cells: int, allowed: tuple[int, ...], name: str) -> Tray:
 
 
 @dataclass(frozen=True)
-class MachineConfig:
+class MachineConfig(Config):
     """The arm and the two conveyors under it.
 
     The arm's working rectangle is 600 mm wide, a tray 540 x 280 mm: two trays fit side by side only with their short
     sides across, so a presented row is one of a tray's short rows.
     """
 
-    arm: TranslationalFiveBar = field(default_factory=TranslationalFiveBar.transplanter)
-    """Geometry and masses; its ``window_m`` is the published 600 x 150 mm."""
-    motion: Motion = "stop-quintic"
-    """How gates are carried out [published: the paper chooses the quintic with stops at the corners]."""
-    velocity_m_s: float = 4.5
-    """Limit of the tool [published]."""
-    acceleration_m_s2: float = 60.0
-    """Limit of the tool, used whenever the gripper is empty [published]."""
-    carry_acceleration_m_s2: tuple[float, float, float] = (15.0, 35.0, 60.0)
-    """Limit with a plug in the gripper: gentle, normal, fast [assumed; fast is the published limit]."""
-    lift_m: float = 0.150
-    """Height of every gate: a plug has to pass over its neighbours' leaves [published: workspace height]."""
-    straight_m: float = 0.050
-    """Straight rise and fall at a gate's ends, the depth of a cell [assumed: the paper prints no length]."""
-    corner_radius_m: float = inf
-    """Largest corner radius of ``motion="blended"`` [assumed: as large as the straight pieces leave]."""
-    tray_centre_m: float = 0.160
-    """Distance of either tray's middle from the machine's; 40 mm between the trays are the chute [assumed]."""
-    conveyor_velocity_m_s: float = 0.25
-    conveyor_acceleration_m_s2: float = 1.5
-    """Limits of the conveyors; plugs must not tip [assumed]."""
-    conveyor_settle_s: float = 0.10
-    """Wait after a conveyor has moved [assumed]."""
-    tray_gap_m: float = 0.040
-    """Between a tray and the next one on the same conveyor [assumed]."""
+    arm: TranslationalFiveBar = nested(
+        TranslationalFiveBar.transplanter, "Geometry and masses; its window is the published 600 x 150 mm."
+    )
+    motion: Motion = choice(
+        "stop-quintic",
+        MOTIONS,
+        "How gates are carried out [published: the paper chooses the quintic with stops at the corners].",
+    )
+    velocity_m_s: float = num(4.5, 0.01, 30.0, "m/s", "Limit of the tool [published].")
+    acceleration_m_s2: float = num(
+        60.0, 0.1, 1e3, "m/s2", "Limit of the tool, used whenever the gripper is empty [published]."
+    )
+    carry_acceleration_m_s2: tuple[float, float, float] = num(
+        (15.0, 35.0, 60.0),
+        0.1,
+        1e3,
+        "m/s2",
+        "Limit with a plug in the gripper: gentle, normal, fast [assumed; fast is the published limit].",
+    )
+    lift_m: float = num(
+        0.150,
+        0.0,
+        1.0,
+        "m",
+        "Height of every gate: a plug has to pass over its neighbours' leaves [published: workspace height].",
+    )
+    straight_m: float = num(
+        0.050,
+        0.0,
+        1.0,
+        "m",
+        "Straight rise and fall at a gate's ends, the depth of a cell [assumed: the paper prints no length].",
+    )
+    corner_radius_m: float = num(
+        inf,
+        1e-6,
+        inf,
+        "m",
+        "Largest corner radius of blended gates [assumed: as large as the straight pieces leave].",
+    )
+    tray_centre_m: float = num(
+        0.160,
+        0.0,
+        1.0,
+        "m",
+        "Distance of either tray's middle from the machine's; 40 mm between the trays are the chute [assumed].",
+    )
+    conveyor_velocity_m_s: float = num(0.25, 1e-3, 5.0, "m/s", "Limit of the conveyors; plugs must not tip [assumed].")
+    conveyor_acceleration_m_s2: float = num(1.5, 1e-3, 50.0, "m/s2", "Limit of the conveyors, likewise [assumed].")
+    conveyor_settle_s: float = num(0.10, 0.0, 60.0, "s", "Wait after a conveyor has moved [assumed].")
+    tray_gap_m: float = num(0.040, 0.0, 3.0, "m", "Between a tray and the next one on the same conveyor [assumed].")
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if self.motion not in MOTIONS:
-            raise ValueError(f"motion = {self.motion!r} is unknown: choose one of {', '.join(map(repr, MOTIONS))}")
-        positive = ("velocity_m_s", "acceleration_m_s2", "conveyor_velocity_m_s", "conveyor_acceleration_m_s2")
-        _require(self, 1e-6, *positive, "corner_radius_m")
-        _require(self, 0.0, "conveyor_settle_s", "tray_gap_m", "tray_centre_m")
+    def check(self) -> None:
+        """The gates fit the arm's window, which is even about the middle; a plug is carried within the tool's limit."""
         (left, bottom), (right, top) = self.arm.window_m
-        _require(self, 0.0, "lift_m", high=top - bottom + 1e-9)
-        _require(self, 0.0, "straight_m", high=self.lift_m)
+        if self.lift_m > top - bottom + 1e-9:
+            self.refuse("lift_m", f"the arm's window is {top - bottom:g} m high: give at most that")
+        if self.straight_m > self.lift_m:
+            self.refuse("straight_m", f"give at most lift_m = {self.lift_m:g} m")
         if not isclose(left, -right):
-            raise ValueError(f"arm.window_m = {self.arm.window_m}: give a rectangle that is even about x = 0")
-        limits = self.carry_acceleration_m_s2
-        if len(limits) != len(SPEEDS) or not 0.0 < min(limits) <= max(limits) <= self.acceleration_m_s2:
-            raise ValueError(
-                f"carry_acceleration_m_s2 = {limits}: give {len(SPEEDS)} values in (0, {self.acceleration_m_s2}], "
-                f"one a speed {SPEEDS}"
-            )
+            self.refuse("arm.window_m", "give a rectangle that is even about x = 0")
+        if max(self.carry_acceleration_m_s2) > self.acceleration_m_s2:
+            self.refuse("carry_acceleration_m_s2", f"give at most acceleration_m_s2 = {self.acceleration_m_s2:g} m/s2")
 
     def gate(self, acceleration_m_s2: float | None = None) -> Gate:
         """The way over a gate, by default under the empty gripper's limit."""
@@ -148,56 +155,72 @@ class MachineConfig:
 
 
 @dataclass(frozen=True)
-class ProcessConfig:
+class ProcessConfig(Config):
     """Gripping, carrying and setting a plug."""
 
-    grip_s: float = 0.15
-    """Needles go in and close, pneumatic [assumed]."""
-    release_s: float = 0.10
-    """Needles open and draw back, pneumatic [assumed]."""
-    extraction: float = 0.9605
-    """Chance that a plug leaves its cell whole [published: 96.05 % in the field, s41598-025-86421-0]."""
-    loss_half_m_s2: float = 105.0
-    loss_width_m_s2: float = 13.0
-    """Chance to lose a plug on the way: logistic in the carrying acceleration, one half at the first number; 0.1 %
-    gentle, 0.5 % normal, 3 % fast [assumed]."""
-    damage_half_m_s2: float = 85.0
-    damage_width_m_s2: float = 11.0
-    """Chance that a plug arrives damaged, likewise; 0.2 % gentle, 1 % normal, 9 % fast [assumed]."""
-    plug_kg: float = 0.050
-    """Mass of a seedling with its moist plug [assumed; the published payload limit is 0.3 kg]."""
-    reach_m: float = 0.004
-    """A gripper farther than this from a cell's middle misses the plug or sets it beside the cell [assumed]."""
-    illegal_s: float = 1.0
-    """What an action that is not possible costs [assumed]."""
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        _require(self, 0.0, "plug_kg", high=0.3)
-        _require(self, 0.0, "grip_s", "release_s", "reach_m", "illegal_s", "loss_half_m_s2", "damage_half_m_s2")
-        _require(self, 1e-3, "loss_width_m_s2", "damage_width_m_s2")
-        _require(self, 0.0, "extraction", high=1.0)
+    grip_s: float = num(0.15, 0.0, 60.0, "s", "Needles go in and close, pneumatic [assumed].")
+    release_s: float = num(0.10, 0.0, 60.0, "s", "Needles open and draw back, pneumatic [assumed].")
+    extraction: float = num(
+        0.9605,
+        0.0,
+        1.0,
+        "",
+        "Chance that a plug leaves its cell whole [published: 96.05 % in the field, s41598-025-86421-0].",
+    )
+    loss_half_m_s2: float = num(
+        105.0,
+        0.0,
+        1e4,
+        "m/s2",
+        "The chance to lose a plug on the way is logistic in the carrying acceleration, one half at this one: 0.1 % "
+        "gentle, 0.5 % normal, 3 % fast [assumed].",
+    )
+    loss_width_m_s2: float = num(13.0, 1e-3, 1e4, "m/s2", "How wide that chance's rise is [assumed].")
+    damage_half_m_s2: float = num(
+        85.0,
+        0.0,
+        1e4,
+        "m/s2",
+        "The chance that a plug arrives damaged, likewise: 0.2 % gentle, 1 % normal, 9 % fast [assumed].",
+    )
+    damage_width_m_s2: float = num(11.0, 1e-3, 1e4, "m/s2", "How wide that chance's rise is [assumed].")
+    plug_kg: float = num(
+        0.050,
+        0.0,
+        0.3,
+        "kg",
+        "Mass of a seedling with its moist plug [assumed; the published payload limit is 0.3 kg].",
+    )
+    reach_m: float = num(
+        0.004,
+        0.0,
+        0.1,
+        "m",
+        "A gripper farther than this from a cell's middle misses the plug or sets it beside the cell [assumed].",
+    )
+    illegal_s: float = num(1.0, 0.0, 600.0, "s", "What an action that is not possible costs [assumed].")
 
 
 @dataclass(frozen=True)
-class PerceptionModel:
-    """What the row cameras report of a cell, as confusion matrices (see ``scripts/measure_tray_camera.py``)."""
+class PerceptionModel(Config):
+    """What the row cameras report of a cell, as confusion matrices (see ``scripts/measure_tray_camera.py``).
 
-    source: tuple[tuple[float, ...], ...]
-    target: tuple[tuple[float, ...], ...]
-    """Row = what the cell holds (empty, healthy, poor), column = report, rows sum to 1."""
+    Row = what the cell holds (empty, healthy, poor), column = report, rows sum to 1.
+    """
 
-    def __post_init__(self) -> None:
-        """Check the shapes and sums."""
+    source: Confusion = num(..., 0.0, 1.0, "", "Of the source trays' cells [identified].")
+    target: Confusion = num(..., 0.0, 1.0, "", "Of the target trays' cells [identified].")
+
+    def check(self) -> None:
+        """Rows are probabilities of everything that can be reported."""
         for name in ("source", "target"):
-            matrix = getattr(self, name)
-            if len(matrix) != 3 or any(len(row) != 3 or not isclose(sum(row), 1.0, abs_tol=1e-6) for row in matrix):
-                raise ValueError(f"{name} = {matrix}: give 3 x 3 probabilities whose rows sum to 1")
+            if any(not isclose(sum(row), 1.0, abs_tol=1e-6) for row in getattr(self, name)):
+                self.refuse(name, "give rows that sum to 1")
 
     @classmethod
     def perfect(cls) -> PerceptionModel:
         """Every cell as it is."""
-        identity = tuple(tuple(float(i == j) for j in range(3)) for i in range(3))
+        identity = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
         return cls(identity, identity)
 
     @classmethod
@@ -207,40 +230,34 @@ class PerceptionModel:
 
         Of a tray that is no preset the camera is taken to see as much as of the preset with the nearest pitch.
         """
-        text = files(__name__.rsplit(".", 3)[0]).joinpath("assets/perception/transplanting.json").read_text("utf-8")
+        fits = json.loads(asset_text("perception/transplanting.json"))
         matrices = []
         for name, tray, presets in (("source", source, SOURCE_TRAYS), ("target", target, TARGET_TRAYS)):
             cells = min(presets, key=lambda preset, pitch=tray.pitch_m: abs(TRAYS[preset].pitch_m - pitch))
-            confusion = json.loads(text)[name][str(cells)]["confusion"]
-            matrices.append(tuple(tuple(row) for row in confusion))
+            matrices.append(fits[name][str(cells)]["confusion"])
         return cls(*matrices)
 
 
 @dataclass(frozen=True)
-class ScenarioConfig:
+class ScenarioConfig(Config):
     """One kind of work."""
 
-    source: Tray
-    target: Tray
-    source_trays: int
-    """Trays of the supply; when the last row is used up there is no more."""
-    target_trays: int
-    """Trays to serve in an episode."""
-    replug: bool
-    """Whether the target trays come planted, with gaps; otherwise they come empty."""
-    vacancy: float
-    """Share of empty cells in planted trays [published range 0.05-0.20]."""
-    poor: float
-    """Share of poor seedlings among planted cells [published range 0.02-0.08]."""
-    clumped: float
-    """Share of the vacancies' (and poor seedlings') variance that neighbouring cells have in common; 0 is uniform."""
-    time_limit_s: float
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        _require(self, 1, "source_trays", "target_trays")
-        _require(self, 0.0, "vacancy", "poor", "clumped", high=1.0)
-        _require(self, 1e-3, "time_limit_s")
+    source: Tray = nested(..., "Kind of the supply's trays.")
+    target: Tray = nested(..., "Kind of the trays to serve.")
+    source_trays: int = num(..., 1, 100, "", "Trays of the supply; when the last row is used up there is no more.")
+    target_trays: int = num(..., 1, 100, "", "Trays to serve in an episode.")
+    replug: bool = flag(..., "Whether the target trays come planted, with gaps; otherwise they come empty.")
+    vacancy: float = num(..., 0.0, 1.0, "", "Share of empty cells in planted trays [published range 0.05-0.20].")
+    poor: float = num(..., 0.0, 1.0, "", "Share of poor seedlings among planted cells [published range 0.02-0.08].")
+    clumped: float = num(
+        ...,
+        0.0,
+        1.0,
+        "",
+        "Share of the vacancies' (and poor seedlings') variance that neighbouring cells have in common; 0 is uniform "
+        "[assumed].",
+    )
+    time_limit_s: float = num(..., 1e-3, 1e6, "s", "When an episode is cut off [assumed].")
 
     @property
     def pairs(self) -> int:
@@ -271,34 +288,44 @@ SCENARIOS: dict[str, ScenarioConfig] = {
 
 
 @dataclass(frozen=True)
-class RewardWeights:
+class RewardWeights(Config):
     """Value of the named reward terms, in healthy cells."""
 
-    planted: float = 1.0
-    """For every target cell more (or less) that holds a healthy seedling."""
-    spoiled: float = -0.2
-    """For every healthy seedling that was torn, lost, damaged, or sent away with its row [assumed]."""
-    seconds: float = -0.2
-    """A cell a 1.5 s earns 0.67 a second; time is charged at about a third of that [assumed]."""
+    planted: float = num(1.0, -1e3, 1e3, "", "For every target cell more (or less) that holds a healthy seedling.")
+    spoiled: float = num(
+        -0.2,
+        -1e3,
+        1e3,
+        "",
+        "For every healthy seedling that was torn, lost, damaged, or sent away with its row [assumed].",
+    )
+    seconds: float = num(
+        -0.2,
+        -1e3,
+        1e3,
+        "1/s",
+        "For every second; a cell a 1.5 s earns 0.67 a second, time is charged at about a third of that [assumed].",
+    )
 
 
 @dataclass(frozen=True)
-class TransplantingConfig:
+class TransplantingConfig(Config):
     """Everything that defines a transplanting task."""
 
-    scenario: ScenarioConfig = SCENARIOS["fill"]
-    machine: MachineConfig = field(default_factory=MachineConfig)
-    process: ProcessConfig = field(default_factory=ProcessConfig)
-    weights: RewardWeights = field(default_factory=RewardWeights)
+    scenario: ScenarioConfig = nested(SCENARIOS["fill"], "The kind of work.")
+    machine: MachineConfig = nested(MachineConfig, "The arm and the conveyors.")
+    process: ProcessConfig = nested(ProcessConfig, "Gripping, carrying and setting a plug.")
+    weights: RewardWeights = nested(RewardWeights, "What the reward counts.")
 
-    def __post_init__(self) -> None:
-        """Check that every cell lies in the arm's window."""
+    def check(self) -> None:
+        """Every cell lies in the arm's window."""
         right = self.machine.arm.window_m[1][0]
         for name in ("source", "target"):
             kind: Tray = getattr(self.scenario, name)
             outermost = self.machine.tray_centre_m + 0.5 * (kind.columns - 1) * kind.pitch_m
             if outermost > right + 1e-9:
-                raise ValueError(
+                self.refuse(
+                    "machine.tray_centre_m",
                     f"the {name} tray's outermost cell stands {outermost:.3f} m from the middle, the arm reaches "
-                    f"{right:.3f} m: reduce tray_centre_m"
+                    f"{right:.3f} m: reduce it",
                 )

@@ -19,4 +19,6 @@ def damage_chances(machine: MachineConfig, process: ProcessConfig) -> Array:
 
 
 def _logistic(machine: MachineConfig, half_m_s2: float, width_m_s2: float) -> Array:
-    return 1.0 / (1.0 + np.exp((half_m_s2 - np.array(machine.carry_acceleration_m_s2)) / width_m_s2))
+    # Far below the half the exponential overflows, and the chance is 0.
+    with np.errstate(over="ignore"):
+        return 1.0 / (1.0 + np.exp((half_m_s2 - np.array(machine.carry_acceleration_m_s2)) / width_m_s2))
