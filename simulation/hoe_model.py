@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels.config import nested, num
 from ..mechanisms import ThreePRRS
 from .prrs_model import ALUMINIUM, CARBON, GANTRY_LEVEL_M, ORANGE, STEEL, PrrsParameters, hub_parts
 from .urdf import Box, Colour, Cylinder, Link, Part, Robot, Vector
@@ -28,36 +29,36 @@ class HoeParameters(PrrsParameters):
 
     World: x along the row, y across, z up, ground at z = 0. The cart drives at a constant speed, so that its frame is
     as good as the ground's for the physics: the machine is simulated in the cart's frame.
-
-    Attributes:
-        lowest_tip_m: world height of the blade's underside at the mechanism's z = 0, below the ground.
-        blade_radius_m: of the hoe blade.
-        soil_resistance_pa: force against the blade's motion per area of soil that it meets, blade width x depth;
-            a loose seedbed.
-        camera_ahead_m: front camera in front of the mechanism, only for the looks.
-        camera_height_m: its height over the ground, only for the looks.
     """
 
-    mechanism: ThreePRRS = field(default_factory=ThreePRRS.hoe)
-    tool_m: float = 0.160
-    slider_force_limit_n: float = 250.0
-    swing_torque_limit_n_m: float = 20.0
-    platform_mass_kg: float = 1.2
-    lowest_tip_m: float = -0.040
-    blade_radius_m: float = 0.014
-    soil_resistance_pa: float = 4.0e4
-    camera_ahead_m: float = 0.85
-    camera_height_m: float = 0.85
+    mechanism: ThreePRRS = nested(ThreePRRS.hoe, "The 3-PRRS.")
+    tool_m: float = num(0.160, 1e-3, 1.0, "m", "From the blade's underside up to the platform's centre P.")
+    slider_force_limit_n: float = num(250.0, 1e-3, 1e5, "N", "Each slider's ball screw.")
+    swing_torque_limit_n_m: float = num(20.0, 1e-3, 1e4, "N m", "Each driven rotation behind its gear.")
+    platform_mass_kg: float = num(1.2, 1e-3, 100.0, "kg", "Platform and hoe.")
+    lowest_tip_m: float = num(
+        -0.040, -1.0, -1e-4, "m", "World height of the blade's underside at the mechanism's z = 0, below the ground."
+    )
+    blade_radius_m: float = num(0.014, 1e-3, 0.2, "m", "Of the hoe blade.")
+    soil_resistance_pa: float = num(
+        4.0e4,
+        1e-3,
+        1e7,
+        "Pa",
+        "Force against the blade's motion per area of soil that it meets, blade width x depth; a loose seedbed.",
+    )
+    camera_ahead_m: float = num(0.85, 1e-3, 10.0, "m", "Front camera in front of the mechanism, only for the looks.")
+    camera_height_m: float = num(0.85, 1e-3, 10.0, "m", "Its height over the ground, only for the looks.")
 
     name = "hoe"
 
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        for name, value in vars(self).items():
-            if name not in ("mechanism", "lowest_tip_m") and not 0.0 < value < np.inf:
-                raise ValueError(f"{name} = {value}: give a positive, finite number")
-        if not -self.tool_m < self.lowest_tip_m < 0.0:
-            raise ValueError(f"lowest_tip_m = {self.lowest_tip_m}: the blade must get below the ground, the hub not")
+    def check(self) -> None:
+        """The blade gets below the ground, the hub does not."""
+        super().check()
+        if not -self.tool_m < self.lowest_tip_m:
+            self.refuse(
+                "lowest_tip_m", f"the hub must stay above the ground: give more than -tool_m = {-self.tool_m} m"
+            )
 
     @property
     def origin_height_m(self) -> float:

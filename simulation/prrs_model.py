@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels.config import Config, nested, num
 from ..mechanisms import ThreePRRS
 from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
 
@@ -14,49 +15,39 @@ _ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class PrrsParameters:
-    """Geometry, limits and masses; forces, masses and rates are assumed.
+class PrrsParameters(Config):
+    """Geometry, limits and masses; forces, masses and rates are assumed."""
 
-    Attributes:
-        mechanism: the 3-PRRS.
-        tool_m: from the tool's working point up to the platform's centre P.
-        velocity_m_s: limit of the platform's centre.
-        acceleration_m_s2: limit of the platform's centre, without what following a belt or a plant adds.
-        turn_rad_s: limit of the platform's angular velocity.
-        turn_rad_s2: limit of its angular acceleration.
-        slider_force_limit_n: each slider's ball screw.
-        swing_torque_limit_n_m: each driven rotation behind its gear.
-        slider_mass_kg: carriage with the rotary motor that it carries.
-        yoke_mass_kg: fork of R1 and R2.
-        rotor_inertia_kg_m2: that motor's rotor seen through the gear.
-        link_mass_kg: one link with its joints (carbon tube).
-        platform_mass_kg: platform and tool.
-        physics_hz: simulation steps a second (the tracking figures are measured with it).
-    """
-
-    mechanism: ThreePRRS = field(default_factory=ThreePRRS.sorter)
-    tool_m: float = 0.090
-    velocity_m_s: float = 1.0
-    acceleration_m_s2: float = 10.0
-    turn_rad_s: float = 4.0
-    turn_rad_s2: float = 40.0
-    slider_force_limit_n: float = 120.0
-    swing_torque_limit_n_m: float = 10.0
-    slider_mass_kg: float = 1.6
-    yoke_mass_kg: float = 0.25
-    rotor_inertia_kg_m2: float = 0.004
-    link_mass_kg: float = 0.20
-    platform_mass_kg: float = 0.9
-    physics_hz: float = 240.0
+    mechanism: ThreePRRS = nested(ThreePRRS.sorter, "The 3-PRRS.")
+    tool_m: float = num(0.090, 1e-3, 1.0, "m", "From the tool's working point up to the platform's centre P.")
+    velocity_m_s: float = num(1.0, 1e-3, 20.0, "m/s", "Limit of the platform's centre.")
+    acceleration_m_s2: float = num(
+        10.0, 1e-2, 500.0, "m/s2", "Limit of the platform's centre, without what following a belt or a plant adds."
+    )
+    turn_rad_s: float = num(4.0, 1e-3, 100.0, "rad/s", "Limit of the platform's angular velocity.")
+    turn_rad_s2: float = num(40.0, 1e-2, 5000.0, "rad/s2", "Limit of its angular acceleration.")
+    slider_force_limit_n: float = num(120.0, 1e-3, 1e5, "N", "Each slider's ball screw.")
+    swing_torque_limit_n_m: float = num(10.0, 1e-3, 1e4, "N m", "Each driven rotation behind its gear.")
+    slider_mass_kg: float = num(1.6, 1e-3, 100.0, "kg", "Carriage with the rotary motor that it carries.")
+    yoke_mass_kg: float = num(0.25, 1e-3, 100.0, "kg", "Fork of R1 and R2.")
+    rotor_inertia_kg_m2: float = num(0.004, 1e-7, 10.0, "kg m2", "That motor's rotor seen through the gear.")
+    link_mass_kg: float = num(0.20, 1e-3, 100.0, "kg", "One link with its joints (carbon tube).")
+    platform_mass_kg: float = num(0.9, 1e-3, 100.0, "kg", "Platform and tool.")
+    physics_hz: float = num(
+        240.0, 30.0, 100_000.0, "1/s", "Simulation steps a second (the tracking figures are measured with it)."
+    )
 
     name = "prrs"
     """Of the machine; its URDFs and their folder bear it."""
 
-    def __post_init__(self) -> None:
-        """Check that every number is positive and finite."""
-        for name, value in vars(self).items():
-            if name != "mechanism" and not 0.0 < value < np.inf:
-                raise ValueError(f"{name} = {value}: give a positive, finite number")
+    def check(self) -> None:
+        """The mechanism's lengths are in metres."""
+        mechanism = self.mechanism
+        for name in ("link_m", "base_diameter_m", "platform_diameter_m"):
+            if not 0.01 <= getattr(mechanism, name) <= 3.0:
+                self.refuse(f"mechanism.{name}", "give a number in [0.01, 3] m")
+        if max(map(abs, mechanism.slider_range_m)) > 3.0:
+            self.refuse("mechanism.slider_range_m", "give numbers in [-3, 3] m")
 
     @property
     def origin_height_m(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..kernels.config import num
 from .prrs_model import CARBON, ORANGE, PrrsParameters, hub_parts
 from .urdf import Box, Colour, Cylinder, Link, Part, Robot
 
@@ -16,15 +17,16 @@ class SorterParameters(PrrsParameters):
 
     The platform's speed and acceleration are limited relative to the floor, following the belt apart; tracking is
     required at 1 m/s.
-
-    Attributes:
-        belt_height_m: top of the belt above the floor (assumed).
-        origin_above_belt_m: the mechanism's z = 0 above the belt: the lowest grip is just inside the workspace
-            (assumed).
     """
 
-    belt_height_m: float = 0.80
-    origin_above_belt_m: float = 0.095
+    belt_height_m: float = num(0.80, 0.1, 3.0, "m", "Top of the belt above the floor (assumed).")
+    origin_above_belt_m: float = num(
+        0.095,
+        0.0,
+        0.5,
+        "m",
+        "The mechanism's z = 0 above the belt: the lowest grip is just inside the workspace (assumed).",
+    )
 
     name = "sorter"
 

@@ -124,8 +124,10 @@ def test_jumps_and_nonsense_are_refused(machine):
         machine.run(np.full((3, 6), np.nan))
     with pytest.raises(ValueError, match="shape"):
         machine.run(np.zeros(6))
-    with pytest.raises(ValueError, match="positive"):
+    with pytest.raises(ValueError, match=r"tool_m = -1.0: give a number in \[0.001, 1\] m"):
         SorterParameters(tool_m=-1.0)
+    with pytest.raises(ValueError, match=r"link_m = 330.0: give a number .* m"):
+        SorterParameters(mechanism=replace(PARAMETERS.mechanism, link_m=330.0))
     with PhysicsClient(500.0) as other:
         lent = SorterMachine(client=other)
         with pytest.raises(ValueError, match="rate"):

@@ -510,7 +510,12 @@ def test_pybullet_agrees_with_the_plan():
         (lambda: MachineConfig(tilt_limit_rad=0.6), "tilt_limit_rad"),
         (lambda: MachineConfig(travel_level_m=0.2), "travel_level_m"),
         (lambda: BeltConfig(bins_m=((0.0, 0.2),)), "bins_m"),
-        (lambda: BeltConfig(camera_x_m=0.1), "camera_x_m"),
+        (lambda: BeltConfig(camera_x_m=-0.05), "camera_x_m"),
+        (lambda: BeltConfig(start_x_m=0.3), "start_x_m"),
+        (lambda: BeltConfig(width_m=0.2), "item_half_width_m"),
+        (lambda: SortingConfig(belt=BeltConfig(bins_m=((0.0, 0.26),) * 4)), "cannot reach"),
+        (lambda: replace(PerceptionModel.perfect(), confusion=((0.5, 0.0, 0.0, 0.0),) * 4), "sum to 1"),
+        (lambda: ProduceConfig(tuber_length_m=(0.08, 0.04)), "smaller one first"),
         (lambda: ProduceConfig(value=(1.0,)), "value"),  # type: ignore[arg-type]
         (lambda: ProduceConfig(tuber_width=(0.9, 1.3)), "tuber_width"),
         (lambda: SortingConfig(belt=BeltConfig(speed_m_s=0.7)), "speed_m_s"),

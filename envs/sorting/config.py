@@ -8,212 +8,226 @@ figures, so nearly everything here is assumed.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
-from importlib.resources import files
-from math import inf, pi, radians
+from math import pi, radians
 
+import numpy as np
+
+from ...kernels.config import Config, nested, num
+from ...mechanisms import ThreePRRS
+from ...simulation.assets import asset_text
 from ...simulation.sorter_model import SorterParameters
 
 GRADES = ("ware", "seed", "ripe", "green")
 """Large tubers, small tubers, ripe fruits, unripe fruits: two shapes, two colours."""
 
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
+Four = tuple[float, float, float, float]
 
-def _require(owner: object, low: float, *names: str, high: float = inf) -> None:
-    for name in names:
-        value = getattr(owner, name)
-        if not low <= value <= high:
-            raise ValueError(f"{type(owner).__name__}.{name} = {value}: allowed range [{low}, {high}]")
+_STRAIGHT = radians(90.0)
 
 
 @dataclass(frozen=True)
-class MachineConfig:
+class MachineConfig(Config):
     """The 3-PRRS over the belt and how it is used. Mechanism coordinates: x with the belt, y across, z up."""
 
-    sorter: SorterParameters = field(default_factory=SorterParameters)
-    """Geometry, rates and motors."""
-    travel_level_m: float = 0.090
-    """Platform height of every traverse, in the mechanism's coordinates [assumed: clears what lies on the belt]."""
-    tilt_limit_rad: float = radians(20.0)
-    """Largest tilt that is commanded: the stroke ends a little above it [assumed, from the reach table]."""
-    yaw_limit_rad: float = radians(60.0)
-    """Largest yaw that is commanded [assumed: the reach shrinks with the yaw]."""
-    shortest_move_s: float = 0.10
-    """A motion is given at least this long [assumed]."""
-    stop_s: float = 0.15
-    """Coming to rest from the belt's speed after a grip that holds nothing [assumed]."""
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        _require(self, 1e-3, "shortest_move_s", "stop_s")
-        _require(self, 0.0, "tilt_limit_rad", high=radians(20.0))
-        _require(self, 0.0, "yaw_limit_rad", high=radians(60.0))
-        _require(self, 0.03, "travel_level_m", high=0.095)
+    sorter: SorterParameters = nested(SorterParameters, "Geometry, rates and motors.")
+    travel_level_m: float = num(
+        0.090,
+        0.03,
+        0.095,
+        "m",
+        "Platform height of every traverse, in the mechanism's coordinates [assumed: clears what lies on the belt].",
+    )
+    tilt_limit_rad: float = num(
+        radians(20.0),
+        0.0,
+        radians(20.0),
+        "rad",
+        "Largest tilt that is commanded: the stroke ends a little above it [assumed, from the reach table].",
+    )
+    yaw_limit_rad: float = num(
+        radians(60.0),
+        0.0,
+        radians(60.0),
+        "rad",
+        "Largest yaw that is commanded [assumed: the reach shrinks with the yaw].",
+    )
+    shortest_move_s: float = num(0.10, 1e-3, 10.0, "s", "A motion is given at least this long [assumed].")
+    stop_s: float = num(
+        0.15, 1e-3, 10.0, "s", "Coming to rest from the belt's speed after a grip that holds nothing [assumed]."
+    )
 
 
 @dataclass(frozen=True)
-class GripConfig:
+class GripConfig(Config):
     """Two soft fingers that close across the item's width, and what misalignment costs."""
 
-    grip_s: float = 0.15
-    """Closing the fingers, while the tool follows the belt [assumed]."""
-    release_s: float = 0.10
-    """Opening them over the bin [assumed]."""
-    best: float = 0.98
-    """Share of centred, aligned grips that hold [assumed]."""
-    centre_sigma_m: float = 0.008
-    """Horizontal tool error (Gaussian sigma) that costs 39 % of them [assumed]."""
-    height_sigma_m: float = 0.012
-    """The same for a tool too high or too low [assumed]."""
-    capture_m: float = 0.025
-    """Beyond this horizontal error the fingers close beside the item [assumed]."""
-    misfit_sigma: float = 0.12
-    """Misfit of the fingers that costs 39 %: sine of the error in yaw times 1 - width / length, and sine of the error
-    in tilt times 1 - thickness / length; a round item does not mind how it is turned [assumed]."""
-    slip: float = 0.35
-    """Share of held items that slip on the way, times 1 - quality of the grip [assumed]."""
-    refused_tilt_rad: float = radians(8.0)
-    """Items that lean by more than this beyond the machine's tilt limit are not gripped [assumed]."""
-    illegal_s: float = 0.25
-    """What an action that is not possible costs [assumed]."""
-    wait_s: float = 0.50
-    """Length of one wait [assumed]."""
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        _require(self, 0.0, "grip_s", "release_s", "refused_tilt_rad")
-        _require(self, 1e-6, "centre_sigma_m", "height_sigma_m", "capture_m", "misfit_sigma")
-        _require(self, 1e-3, "illegal_s", "wait_s")
-        _require(self, 0.0, "best", "slip", high=1.0)
+    grip_s: float = num(0.15, 0.0, 10.0, "s", "Closing the fingers, while the tool follows the belt [assumed].")
+    release_s: float = num(0.10, 0.0, 10.0, "s", "Opening them over the bin [assumed].")
+    best: float = num(0.98, 0.0, 1.0, "", "Share of centred, aligned grips that hold [assumed].")
+    centre_sigma_m: float = num(
+        0.008, 1e-6, 0.2, "m", "Horizontal tool error (Gaussian sigma) that costs 39 % of them [assumed]."
+    )
+    height_sigma_m: float = num(0.012, 1e-6, 0.2, "m", "The same for a tool too high or too low [assumed].")
+    capture_m: float = num(
+        0.025, 1e-6, 0.2, "m", "Beyond this horizontal error the fingers close beside the item [assumed]."
+    )
+    misfit_sigma: float = num(
+        0.12,
+        1e-6,
+        10.0,
+        "",
+        "Misfit of the fingers that costs 39 %: sine of the error in yaw times 1 - width / length, and sine of the "
+        "error in tilt times 1 - thickness / length; a round item does not mind how it is turned [assumed].",
+    )
+    slip: float = num(
+        0.35, 0.0, 1.0, "", "Share of held items that slip on the way, times 1 - quality of the grip [assumed]."
+    )
+    refused_tilt_rad: float = num(
+        radians(8.0),
+        0.0,
+        _STRAIGHT,
+        "rad",
+        "Items that lean by more than this beyond the machine's tilt limit are not gripped [assumed].",
+    )
+    illegal_s: float = num(0.25, 1e-3, 60.0, "s", "What an action that is not possible costs [assumed].")
+    wait_s: float = num(0.50, 1e-3, 60.0, "s", "Length of one wait [assumed].")
 
 
 @dataclass(frozen=True)
-class ProduceConfig:
+class ProduceConfig(Config):
     """What comes down the belt: ellipsoids with length >= width >= thickness [all assumed].
 
     Sizes and shapes are uniform on a raster over their ranges, ends included, so that the rendered world can hold a
     body of every kind.
     """
 
-    fruit_share: float = 0.5
-    tuber_length_m: tuple[float, float] = (0.044, 0.080)
-    """Typical sorting sizes."""
-    ware_from_m: float = 0.061
-    """Tubers at least this long are ware, shorter ones seed."""
-    tuber_width: tuple[float, float] = (0.62, 0.80)
-    """Width / length."""
-    fruit_length_m: tuple[float, float] = (0.044, 0.064)
-    fruit_width: tuple[float, float] = (0.92, 1.0)
-    thickness: tuple[float, float] = (0.72, 0.86)
-    """Thickness / width."""
-    length_step_m: float = 0.002
-    shape_levels: int = 3
-    """Levels of either ratio."""
-    ripe_from: float = 0.5
-    """Ripeness is uniform in [0, 1]; fruits at least this ripe are ripe."""
-    skin_sigma: float = 0.06
-    """How far the skin's colour is from what the ripeness says, on the same scale."""
-    tilt_sigma_rad: float = radians(9.0)
-    """Items lean on the ribs of the belt and on each other: Rayleigh."""
-    tilt_max_rad: float = radians(40.0)
-    density_kg_m3: float = 1050.0
-    value: tuple[float, float, float, float] = (1.0, 0.5, 0.8, 0.3)
-    """Of a correctly placed item, by grade."""
+    fruit_share: float = num(0.5, 0.0, 1.0, "", "Share of fruits, the others are tubers.")
+    tuber_length_m: Pair = num((0.044, 0.080), 0.005, 0.3, "m", "Lengths of tubers: typical sorting sizes.")
+    ware_from_m: float = num(0.061, 0.0, 0.3, "m", "Tubers at least this long are ware, shorter ones seed.")
+    tuber_width: Pair = num((0.62, 0.80), 0.05, 1.0, "", "Width / length of tubers.")
+    fruit_length_m: Pair = num((0.044, 0.064), 0.005, 0.3, "m", "Lengths of fruits.")
+    fruit_width: Pair = num((0.92, 1.0), 0.05, 1.0, "", "Width / length of fruits.")
+    thickness: Pair = num((0.72, 0.86), 0.05, 1.0, "", "Thickness / width.")
+    length_step_m: float = num(0.002, 1e-4, 0.3, "m", "Raster of the lengths.")
+    shape_levels: int = num(3, 1, 1000, "", "Levels of either ratio.")
+    ripe_from: float = num(0.5, 0.0, 1.0, "", "Ripeness is uniform in [0, 1]; fruits at least this ripe are ripe.")
+    skin_sigma: float = num(
+        0.06, 0.0, 1.0, "", "How far the skin's colour is from what the ripeness says, on the same scale."
+    )
+    tilt_sigma_rad: float = num(
+        radians(9.0), 0.0, pi / 4, "rad", "Items lean on the ribs of the belt and on each other: Rayleigh."
+    )
+    tilt_max_rad: float = num(radians(40.0), 0.0, _STRAIGHT, "rad", "None leans further.")
+    density_kg_m3: float = num(1050.0, 10.0, 25_000.0, "kg/m3", "Of all produce.")
+    value: Four = num((1.0, 0.5, 0.8, 0.3), 0.0, 10.0, "", "Of a correctly placed item, by grade.")
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        _require(self, 0.0, "fruit_share", "ripe_from", "skin_sigma", high=1.0)
-        _require(self, 0.0, "tilt_sigma_rad", high=pi / 4)
+    def check(self) -> None:
+        """Ranges have a lower and an upper end."""
         for name in ("tuber_length_m", "fruit_length_m", "tuber_width", "fruit_width", "thickness"):
             low, high = getattr(self, name)
-            if not 0.0 < low <= high:
-                raise ValueError(f"{name} = {(low, high)}: give a range with 0 < lower <= upper")
-        for name in ("tuber_width", "fruit_width", "thickness"):
-            if getattr(self, name)[1] > 1.0:
-                raise ValueError(f"{name} = {getattr(self, name)}: length >= width >= thickness needs ratios <= 1")
-        _require(self, 1e-4, "length_step_m")
-        _require(self, 1, "shape_levels")
-        if len(self.value) != len(GRADES):
-            raise ValueError(f"value = {self.value}: give {len(GRADES)} numbers, one a grade {GRADES}")
+            if low > high:
+                self.refuse(name, "give the smaller one first")
 
 
 @dataclass(frozen=True)
-class BeltConfig:
+class BeltConfig(Config):
     """The belt and the bins beside it, in mechanism coordinates [all assumed]."""
 
-    speed_m_s: float = 0.06
-    width_m: float = 0.28
-    item_half_width_m: float = 0.105
-    """Item centres keep to this distance from the belt's middle."""
-    camera_x_m: float = -0.46
-    """The camera looks down here, upstream of the machine."""
-    camera_step_m: float = 0.10
-    """Belt travel between two images; an item is reported from the image that shows it nearest the middle."""
-    latency_s: float = 0.15
-    """From the image to the report."""
-    slip_sigma_m: float = 0.002
-    """Along and across: where an item is gripped against where the camera and the belt's encoder put it; slip, rolling,
-    and the registration of camera and machine."""
-    start_x_m: float = -0.23
-    """Where the first item may be when the episode begins: the stream is running already."""
-    exit_x_m: float = 0.22
-    """An item that gets here has passed."""
-    bins_m: tuple[tuple[float, float], ...] = ((-0.08, 0.20), (0.08, 0.20), (-0.08, -0.20), (0.08, -0.20))
-    """Where the platform lets go of each grade."""
+    speed_m_s: float = num(0.06, 1e-3, 5.0, "m/s", "Of the belt, which never stops.")
+    width_m: float = num(0.28, 0.02, 3.0, "m", "Of the belt.")
+    item_half_width_m: float = num(0.105, 0.0, 1.5, "m", "Item centres keep to this distance from the belt's middle.")
+    camera_x_m: float = num(-0.46, -5.0, 0.0, "m", "The camera looks down here, upstream of the machine.")
+    camera_step_m: float = num(
+        0.10,
+        1e-3,
+        2.0,
+        "m",
+        "Belt travel between two images; an item is reported from the image that shows it nearest the middle.",
+    )
+    latency_s: float = num(0.15, 0.0, 10.0, "s", "From the image to the report.")
+    slip_sigma_m: float = num(
+        0.002,
+        0.0,
+        0.05,
+        "m",
+        "Along and across: where an item is gripped against where the camera and the belt's encoder put it; slip, "
+        "rolling, and the registration of camera and machine.",
+    )
+    start_x_m: float = num(
+        -0.23,
+        -5.0,
+        5.0,
+        "m",
+        "Where the first item may be when the episode begins: the stream is running already.",
+    )
+    exit_x_m: float = num(0.22, 0.01, 5.0, "m", "An item that gets here has passed.")
+    bins_m: tuple[Pair, Pair, Pair, Pair] = num(
+        ((-0.08, 0.20), (0.08, 0.20), (-0.08, -0.20), (0.08, -0.20)),
+        -2.0,
+        2.0,
+        "m",
+        "Where the platform lets go of each grade.",
+    )
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        _require(self, 1e-3, "speed_m_s", "camera_step_m")
-        _require(self, 0.0, "latency_s", "item_half_width_m", "slip_sigma_m")
-        if len(self.bins_m) != len(GRADES):
-            raise ValueError(f"bins_m = {self.bins_m}: give {len(GRADES)} places, one a grade {GRADES}")
-        if not self.camera_x_m + self.camera_step_m < 0.0 < self.exit_x_m:
-            raise ValueError(f"camera_x_m = {self.camera_x_m} must be upstream, exit_x_m = {self.exit_x_m} downstream")
+    def check(self) -> None:
+        """The camera is upstream, and the stream begins before it ends."""
+        if not self.camera_x_m + self.camera_step_m < 0.0:
+            self.refuse("camera_x_m", f"its images, one in {self.camera_step_m:g} m, must be upstream of x = 0")
+        if not self.start_x_m < self.exit_x_m:
+            self.refuse("start_x_m", f"give less than exit_x_m = {self.exit_x_m:g} m")
+        if self.item_half_width_m > 0.5 * self.width_m:
+            self.refuse("item_half_width_m", f"give at most half of width_m = {self.width_m:g} m")
 
 
 @dataclass(frozen=True)
-class PerceptionModel:
+class PerceptionModel(Config):
     """What the camera reports, as a statistical model; kinds are tuber and fruit.
 
     See ``scripts/measure_produce_camera.py``.
     """
 
-    recall: float
-    false_per_item: float
-    bias_m: tuple[float, float, float]
-    sigma_m: tuple[float, float, float]
-    """Error of the reported centre (along, across, up)."""
-    yaw_sigma_rad: tuple[float, float]
-    """By kind; a fruit is nearly round."""
-    tilt_sigma_rad: tuple[float, float]
-    """Per horizontal component, by kind."""
-    length_sigma: float
-    """Relative error of the reported axes."""
-    confusion: tuple[tuple[float, ...], ...]
-    """Row = true grade, column = reported grade, rows sum to 1."""
+    recall: float = num(..., 0.0, 1.0, "", "Share of items that are reported.")
+    false_per_item: float = num(..., 0.0, 10.0, "", "Reports of nothing, for each item.")
+    bias_m: Triple = num(..., -0.2, 0.2, "m", "Of the reported centre (along, across, up).")
+    sigma_m: Triple = num(..., 0.0, 0.2, "m", "Error of the reported centre (along, across, up).")
+    yaw_sigma_rad: Pair = num(..., 0.0, pi, "rad", "By kind; a fruit is nearly round.")
+    tilt_sigma_rad: Pair = num(..., 0.0, pi, "rad", "Per horizontal component, by kind.")
+    length_sigma: float = num(..., 0.0, 0.1, "", "Relative error of the reported axes.")
+    confusion: tuple[Four, Four, Four, Four] = num(
+        ..., 0.0, 1.0, "", "Row = true grade, column = reported grade, rows sum to 1."
+    )
+
+    def check(self) -> None:
+        """Rows of shares sum to 1."""
+        for row in self.confusion:
+            if abs(sum(row) - 1.0) > 1e-6:
+                self.refuse("confusion", f"each row must sum to 1, one sums to {sum(row):.6g}")
 
     @classmethod
     def perfect(cls) -> PerceptionModel:
         """Every item exactly as it is."""
         identity = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
         nowhere, none = (0.0, 0.0, 0.0), (0.0, 0.0)
-        return cls(1.0, 0.0, nowhere, nowhere, none, none, 0.0, identity)
+        return cls(1.0, 0.0, nowhere, nowhere, none, none, 0.0, identity)  # type: ignore[arg-type]
 
     @classmethod
     @lru_cache(maxsize=1)
     def measured(cls) -> PerceptionModel:
         """The fit to rendered images that ships with the package [identified]."""
-        text = files(__name__.rsplit(".", 3)[0]).joinpath("assets/perception/sorting.json").read_text("utf-8")
-        data = json.loads(text)
+        data = json.loads(asset_text("perception/sorting.json"))
         return cls(
             recall=data["recall"],
             false_per_item=data["false_per_item"],
-            bias_m=tuple(data["position_bias_m"]),
-            sigma_m=tuple(data["position_sigma_m"]),
-            yaw_sigma_rad=tuple(data["yaw_sigma_rad"]),
-            tilt_sigma_rad=tuple(data["tilt_sigma_rad"]),
+            bias_m=data["position_bias_m"],
+            sigma_m=data["position_sigma_m"],
+            yaw_sigma_rad=data["yaw_sigma_rad"],
+            tilt_sigma_rad=data["tilt_sigma_rad"],
             length_sigma=data["length_sigma"],
-            confusion=tuple(tuple(row) for row in data["grade_confusion"]),
+            confusion=data["grade_confusion"],
         )
 
 
@@ -222,25 +236,25 @@ REFERENCE_CYCLE_S = 1.60
 
 
 @dataclass(frozen=True)
-class ScenarioConfig:
+class ScenarioConfig(Config):
     """One kind of stream."""
 
-    load: float
-    """Offered load: arrival rate times ``REFERENCE_CYCLE_S``; above 1 the machine cannot serve every item."""
-    clump: float = 1.0
-    """Mean number of items that come together; 1 is a Poisson stream."""
-    clump_gap_s: float = 0.20
-    """Mean time between the items of a clump."""
-    stream_s: float = 90.0
-    """Items come for this long."""
-    time_limit_s: float = 150.0
+    load: float = num(
+        ...,
+        1e-3,
+        20.0,
+        "",
+        "Offered load: arrival rate times ``REFERENCE_CYCLE_S``; above 1 the machine cannot serve every item.",
+    )
+    clump: float = num(1.0, 1.0, 100.0, "", "Mean number of items that come together; 1 is a Poisson stream.")
+    clump_gap_s: float = num(0.20, 1e-3, 600.0, "s", "Mean time between the items of a clump.")
+    stream_s: float = num(90.0, 1e-3, 3600.0, "s", "Items come for this long.")
+    time_limit_s: float = num(150.0, 1e-3, 36_000.0, "s", "The episode is cut off then.")
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        _require(self, 1e-3, "load", "clump_gap_s", "stream_s", "time_limit_s")
-        _require(self, 1.0, "clump")
+    def check(self) -> None:
+        """Clumps cannot come slower than the stream itself."""
         if (1.0 - 1.0 / self.clump) * self.clump_gap_s >= 1.0 / self.rate_hz:
-            raise ValueError(f"clump_gap_s = {self.clump_gap_s}: clumps cannot come slower than the stream itself")
+            self.refuse("clump_gap_s", f"an item comes every {1.0 / self.rate_hz:.3g} s: give less, or a smaller clump")
 
     @property
     def rate_hz(self) -> float:
@@ -264,34 +278,43 @@ SCENARIOS: dict[str, ScenarioConfig] = {
 
 
 @dataclass(frozen=True)
-class RewardWeights:
+class RewardWeights(Config):
     """Value of the named reward terms."""
 
-    placed: float = 1.0
-    """Times the value of the item's grade."""
-    misplaced: float = -0.5
-    dropped: float = -0.5
-    wasted: float = -0.05
-    """A grip that held nothing."""
+    placed: float = num(1.0, -100.0, 100.0, "", "Times the value of the item's grade.")
+    misplaced: float = num(-0.5, -100.0, 100.0, "", "An item in a wrong bin.")
+    dropped: float = num(-0.5, -100.0, 100.0, "", "An item that slips out on the way.")
+    wasted: float = num(-0.05, -100.0, 100.0, "", "A grip that held nothing.")
 
 
 @dataclass(frozen=True)
-class SortingConfig:
+class SortingConfig(Config):
     """Everything that defines a sorting task."""
 
-    scenario: ScenarioConfig = SCENARIOS["load-1.25"]
-    machine: MachineConfig = field(default_factory=MachineConfig)
-    grip: GripConfig = field(default_factory=GripConfig)
-    produce: ProduceConfig = field(default_factory=ProduceConfig)
-    belt: BeltConfig = field(default_factory=BeltConfig)
-    weights: RewardWeights = field(default_factory=RewardWeights)
-    slots: int = 12
-    """Candidates that a policy is shown at once, in the order in which they leave the reach."""
+    scenario: ScenarioConfig = nested(SCENARIOS["load-1.25"], "The stream.")
+    machine: MachineConfig = nested(MachineConfig, "The 3-PRRS over the belt.")
+    grip: GripConfig = nested(GripConfig, "The fingers.")
+    produce: ProduceConfig = nested(ProduceConfig, "What comes down the belt.")
+    belt: BeltConfig = nested(BeltConfig, "The belt and the bins.")
+    weights: RewardWeights = nested(RewardWeights, "What counts.")
+    slots: int = num(
+        12, 1, 64, "", "Candidates that a policy is shown at once, in the order in which they leave the reach."
+    )
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 1 <= self.slots <= 64:
-            raise ValueError(f"slots = {self.slots}: allowed range [1, 64]")
+    def check(self) -> None:
+        """The machine can follow the belt and put down at the bins."""
         limit = self.machine.sorter.velocity_m_s
         if not self.belt.speed_m_s < 0.5 * limit:
-            raise ValueError(f"speed_m_s = {self.belt.speed_m_s}: the tool, at {limit} m/s, cannot follow the belt")
+            self.refuse("belt.speed_m_s", f"the tool, at {limit} m/s, cannot follow: give less than half of that")
+        sorter, level_m = self.machine.sorter, self.machine.travel_level_m
+        for place, there in zip(self.belt.bins_m, _reaches(sorter.mechanism, level_m, self.belt.bins_m), strict=True):
+            if not there:
+                self.refuse("belt.bins_m", f"the machine cannot reach {place} m at its travel level of {level_m:g} m")
+
+
+@lru_cache(maxsize=32)
+def _reaches(mechanism: ThreePRRS, level_m: float, places_m: tuple[Pair, ...]) -> tuple[bool, ...]:
+    """Whether the level platform can be over each place."""
+    poses = np.zeros((len(places_m), 6))
+    poses[:, :2], poses[:, 2] = places_m, level_m
+    return tuple(mechanism.reachable(poses).tolist())
