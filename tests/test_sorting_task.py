@@ -513,7 +513,7 @@ def test_pybullet_agrees_with_the_plan():
         (lambda: BeltConfig(camera_x_m=-0.05), "camera_x_m"),
         (lambda: BeltConfig(start_x_m=0.3), "start_x_m"),
         (lambda: BeltConfig(width_m=0.2), "item_half_width_m"),
-        (lambda: SortingConfig(belt=BeltConfig(bins_m=((0.0, 0.26),) * 4)), "cannot reach"),
+        (lambda: SortingConfig(belt=BeltConfig(bins_m=((0.0, 0.4),) * 4)), "cannot reach"),
         (lambda: replace(PerceptionModel.perfect(), confusion=((0.5, 0.0, 0.0, 0.0),) * 4), "sum to 1"),
         (lambda: ProduceConfig(tuber_length_m=(0.08, 0.04)), "smaller one first"),
         (lambda: ProduceConfig(value=(1.0,)), "value"),  # type: ignore[arg-type]
