@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels.config import Config, nested, num
 from ..mechanisms import FiveBar
 from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
 
@@ -37,54 +38,75 @@ HOSE_INLET_M: Vector = (-0.17, 0.10, _TOP_M + 0.12)
 """Where the suction hose enters the collection box, in the frame's coordinates."""
 
 
+MOTOR_HEIGHT_M = (0.3, 3.0)
+"""Range of the height of the motors' axes."""
+_LONGEST_M = 5.0
+"""No part of the arm is longer: what is, was given in millimetres."""
+
+
 @dataclass(frozen=True)
-class PickerParameters:
-    """Everything that the picker's physics depends on.
+class PickerParameters(Config):
+    """Everything that the picker's physics depends on."""
 
-    Attributes:
-        five_bar: the arm's geometry (identified, see ``FiveBar.safflower``).
-        motor_height_m: motor axes above the ground; the frame is set to the crop before a row (assumed, chosen so
-            that the workspace spans the published plant heights of 0.43-0.86 m at their upper end).
-        camera_ahead_m: the camera's place in front of the arm plane, only for the looks (assumed).
-        camera_above_motors_m: height of the camera over the motor axes, only for the looks (assumed).
-        cart_velocity_m_s: limit of the cart (assumed).
-        cart_acceleration_m_s2: limit of the cart (assumed).
-        tool_velocity_m_s: limit of the tool in the arm's plane: its motors are steppers (published), which run slowly
-            (the figure is assumed).
-        tool_acceleration_m_s2: limit of the tool in the arm's plane (assumed, as above).
-        arm_torque_limit_n_m: each arm motor behind its gear (assumed: a NEMA 23 stepper of 3 N m that keeps 1.2 N m at
-            speed, with a 10:1 gear).
-        rotor_inertia_kg_m2: that motor's rotor seen through the gear, 8e-5 kg m2 times 10^2 (assumed).
-        cart_force_limit_n: thrust of the wheel drives (assumed).
-        cart_mass_kg: frame, wheels, battery, fan and cabinet (assumed).
-        arm_mass_kg: one driven arm (assumed: aluminium tube and two bearings).
-        forearm_mass_kg: one forearm (assumed, as above).
-        tool_mass_kg: platform with the shears, their 25GA-370 geared motor (published) and hose (mass assumed).
-        physics_hz: simulation steps a second (assumed; the tracking figures are measured with it).
-    """
+    five_bar: FiveBar = nested(FiveBar.safflower, "The arm's geometry [identified, see ``FiveBar.safflower``].")
+    motor_height_m: float = num(
+        1.18,
+        *MOTOR_HEIGHT_M,
+        "m",
+        "Motor axes above the ground; the frame is set to the crop before a row [assumed, chosen so that the workspace"
+        " spans the published plant heights of 0.43-0.86 m at their upper end].",
+    )
+    camera_ahead_m: float = num(
+        0.30, 0.01, 3.0, "m", "The camera's place in front of the arm plane, only for the looks [assumed]."
+    )
+    camera_above_motors_m: float = num(
+        0.15, 0.01, 3.0, "m", "Height of the camera over the motor axes, only for the looks [assumed]."
+    )
+    cart_velocity_m_s: float = num(0.3, 1e-3, 10.0, "m/s", "Limit of the cart [assumed].")
+    cart_acceleration_m_s2: float = num(0.5, 1e-3, 100.0, "m/s2", "Limit of the cart [assumed].")
+    tool_velocity_m_s: float = num(
+        0.5,
+        1e-3,
+        10.0,
+        "m/s",
+        "Limit of the tool in the arm's plane: its motors are steppers (published), which run slowly [the figure is"
+        " assumed].",
+    )
+    tool_acceleration_m_s2: float = num(
+        2.0, 1e-3, 100.0, "m/s2", "Limit of the tool in the arm's plane [assumed, as above]."
+    )
+    arm_torque_limit_n_m: float = num(
+        12.0,
+        1e-3,
+        1e4,
+        "N m",
+        "Each arm motor behind its gear [assumed: a NEMA 23 stepper of 3 N m that keeps 1.2 N m at speed, with a 10:1"
+        " gear].",
+    )
+    rotor_inertia_kg_m2: float = num(
+        0.008, 1e-6, 10.0, "kg m2", "That motor's rotor seen through the gear [assumed: 8e-5 kg m2 times 10^2]."
+    )
+    cart_force_limit_n: float = num(250.0, 0.1, 1e5, "N", "Thrust of the wheel drives [assumed].")
+    cart_mass_kg: float = num(80.0, 0.1, 5000.0, "kg", "Frame, wheels, battery, fan and cabinet [assumed].")
+    arm_mass_kg: float = num(0.30, 1e-3, 100.0, "kg", "One driven arm [assumed: aluminium tube and two bearings].")
+    forearm_mass_kg: float = num(0.35, 1e-3, 100.0, "kg", "One forearm [assumed, as above].")
+    tool_mass_kg: float = num(
+        1.5,
+        1e-3,
+        100.0,
+        "kg",
+        "Platform with the shears, their 25GA-370 geared motor (published) and hose [mass assumed].",
+    )
+    physics_hz: float = num(
+        240.0, 30.0, 1e4, "Hz", "Simulation steps a second [assumed; the tracking figures are measured with it]."
+    )
 
-    five_bar: FiveBar = field(default_factory=FiveBar.safflower)
-    motor_height_m: float = 1.18
-    camera_ahead_m: float = 0.30
-    camera_above_motors_m: float = 0.15
-    cart_velocity_m_s: float = 0.3
-    cart_acceleration_m_s2: float = 0.5
-    tool_velocity_m_s: float = 0.5
-    tool_acceleration_m_s2: float = 2.0
-    arm_torque_limit_n_m: float = 12.0
-    rotor_inertia_kg_m2: float = 0.008
-    cart_force_limit_n: float = 250.0
-    cart_mass_kg: float = 80.0
-    arm_mass_kg: float = 0.30
-    forearm_mass_kg: float = 0.35
-    tool_mass_kg: float = 1.5
-    physics_hz: float = 240.0
-
-    def __post_init__(self) -> None:
-        """Check that every number is positive and finite."""
-        for name, value in vars(self).items():
-            if name != "five_bar" and not 0.0 < value < np.inf:
-                raise ValueError(f"{name} = {value}: give a positive, finite number")
+    def check(self) -> None:
+        """The arm is no house."""
+        bar = self.five_bar
+        longest = max(*bar.arm_m, *bar.forearm_m, bar.half_platform_m, bar.tool_drop_m, bar.base_m)
+        if longest > _LONGEST_M:
+            self.refuse("five_bar", f"a part is {longest:g} m long, give at most {_LONGEST_M:g} m")
 
 
 def picker_robot(parameters: PickerParameters) -> Robot:

@@ -7,167 +7,200 @@ result comes out, [assumed] a free choice. "The paper" is Guo et al. 2022, Eng. 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from functools import lru_cache
-from math import inf
 
-from ...simulation.assets import asset_path
-from ...simulation.picker_model import PickerParameters
+from ...kernels.config import Config, choice, flag, nested, num
+from ...simulation.assets import asset_text
+from ...simulation.picker_model import MOTOR_HEIGHT_M, PickerParameters
 
 EFFORTS = ("quick", "normal", "thorough")
 STAGES = ("bud", "fresh", "late", "dry")
 OPEN_STAGES = (1, 2)
+_FITS = ("pots", "row-sparse", "row", "row-dense")
+_MOST_HEADS, _MOST_STOPS = 20_000, 2_000
+_ROUNDING = 1e-3
+"""Rows of a confusion matrix that was rounded add up to 1 within this."""
 
-
-def _require(owner: object, low: float, *names: str, high: float = inf) -> None:
-    for name in names:
-        value = getattr(owner, name)
-        if not low <= value <= high:
-            raise ValueError(f"{type(owner).__name__}.{name} = {value}: allowed range [{low}, {high}]")
+ByStage = tuple[float, float, float, float]
+Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class MachineConfig:
+class MachineConfig(Config):
     """The cart and its arm: the machine itself and how it is used."""
 
-    picker: PickerParameters = field(default_factory=PickerParameters)
-    """Geometry, rates and motors; the scenario sets its ``motor_height_m``."""
-    clear_level_m: float = -0.28
-    """Level of every traverse in the arm's plane, the widest part of the workspace [assumed]."""
-    settle_s: float = 0.5
-    """Wait after the cart has moved, until plants and frame stand still [assumed]."""
+    picker: PickerParameters = nested(
+        PickerParameters, "Geometry, rates and motors; the scenario sets its ``motor_height_m``."
+    )
+    clear_level_m: float = num(
+        -0.28, -2.0, 0.0, "m", "Level of every traverse in the arm's plane, the widest part of the workspace [assumed]."
+    )
+    settle_s: float = num(
+        0.5, 0.0, 600.0, "s", "Wait after the cart has moved, until plants and frame stand still [assumed]."
+    )
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        _require(self, 0.0, "settle_s")
+    def check(self) -> None:
+        """The traverse lies within reach."""
         bar = self.picker.five_bar
         if not bar.reachable([0.5 * bar.base_m, self.clear_level_m]):
-            raise ValueError(f"clear_level_m = {self.clear_level_m} m is outside the arm's workspace")
+            self.refuse("clear_level_m", "outside the arm's workspace, give a level in m that the tool reaches")
 
 
 @dataclass(frozen=True)
-class ProcessConfig:
+class ProcessConfig(Config):
     """Cutting and sucking one head, by effort (quick, normal, thorough)."""
 
-    strokes: tuple[int, int, int] = (1, 2, 3)
-    """Shear strokes over the head [assumed]."""
-    suction_s: tuple[float, float, float] = (1.0, 2.0, 3.0)
-    """Suction after the last stroke [assumed]."""
-    shear_speed: float = 0.030
-    """Reciprocating shear speed, m/s [published: the paper, test conditions]."""
-    stroke_m: float = 0.04785
-    """Length of one stroke: the filament spread [published: 47.85 +- 3.73 mm]."""
-    locate_s: float = 7.304
-    """Locating one head and handing its coordinates to the motors, before every pick [identified: 16 s per head]."""
-    recognise_s: float = 1.0
-    """Taking and segmenting the image of a stop [assumed]."""
-    stroke_cut: float = 0.7505
-    """Share of the remaining filaments that one centred stroke cuts [identified: 87.91 % net rate]."""
-    cut_radius_m: float = 0.012
-    """Radial tool error (Gaussian sigma) that costs a stroke 39 % of its cut [assumed: half the tuft's radius]."""
-    cut_height_m: float = 0.010
-    """The same for a tool held too high or too low [assumed: half the 21.6 mm head height]."""
-    capture_radius_m: float = 0.024
-    """Beyond this radial error the head does not enter the shear hole [published: half the filament spread]."""
-    suction_loss: float = 0.35
-    """Share of the cut filaments that would drop without suction time [assumed]."""
-    suction_decay_s: float = 1.0
-    """Time constant with which suction time reduces that share [assumed]."""
-    luck_logit: float = 0.509
-    """Standard deviation of a head's cut and collection on the logit scale [identified: Table 2, SD 1.60 points]."""
-    illegal_s: float = 1.0
-    """What an action that is not possible costs [assumed]."""
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        for name in ("strokes", "suction_s"):
-            values = getattr(self, name)
-            if len(values) != len(EFFORTS) or min(values) < 0:
-                raise ValueError(f"{name} = {values}: give {len(EFFORTS)} values >= 0, one an effort {EFFORTS}")
-        _require(self, 1e-6, "shear_speed", "stroke_m", "cut_radius_m", "cut_height_m", "suction_decay_s")
-        _require(self, 0.0, "locate_s", "recognise_s", "capture_radius_m", "luck_logit", "illegal_s")
-        _require(self, 0.0, "suction_loss", high=1.0)
-        _require(self, 1e-6, "stroke_cut", high=1.0 - 1e-6)
+    strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "", "Shear strokes over the head, by effort [assumed].")
+    suction_s: Triple = num((1.0, 2.0, 3.0), 0.0, 600.0, "s", "Suction after the last stroke, by effort [assumed].")
+    shear_speed: float = num(
+        0.030, 1e-3, 5.0, "m/s", "Reciprocating shear speed [published: the paper, test conditions]."
+    )
+    stroke_m: float = num(
+        0.04785, 1e-3, 0.5, "m", "Length of one stroke: the filament spread [published: 47.85 +- 3.73 mm]."
+    )
+    locate_s: float = num(
+        7.304,
+        0.0,
+        600.0,
+        "s",
+        "Locating one head and handing its coordinates to the motors, before every pick [identified: 16 s per head].",
+    )
+    recognise_s: float = num(1.0, 0.0, 600.0, "s", "Taking and segmenting the image of a stop [assumed].")
+    stroke_cut: float = num(
+        0.7505,
+        1e-6,
+        1.0 - 1e-6,
+        "",
+        "Share of the remaining filaments that one centred stroke cuts [identified: 87.91 % net rate].",
+    )
+    cut_radius_m: float = num(
+        0.012,
+        1e-4,
+        0.5,
+        "m",
+        "Radial tool error (Gaussian sigma) that costs a stroke 39 % of its cut [assumed: half the tuft's radius].",
+    )
+    cut_height_m: float = num(
+        0.010,
+        1e-4,
+        0.5,
+        "m",
+        "The same for a tool held too high or too low [assumed: half the 21.6 mm head height].",
+    )
+    capture_radius_m: float = num(
+        0.024,
+        0.0,
+        0.5,
+        "m",
+        "Beyond this radial error the head does not enter the shear hole [published: half the filament spread].",
+    )
+    suction_loss: float = num(
+        0.35, 0.0, 1.0, "", "Share of the cut filaments that would drop without suction time [assumed]."
+    )
+    suction_decay_s: float = num(
+        1.0, 1e-3, 600.0, "s", "Time constant with which suction time reduces that share [assumed]."
+    )
+    luck_logit: float = num(
+        0.509,
+        0.0,
+        5.0,
+        "",
+        "Standard deviation of a head's cut and collection on the logit scale [identified: Table 2, SD 1.60 points].",
+    )
+    illegal_s: float = num(1.0, 0.0, 600.0, "s", "What an action that is not possible costs [assumed].")
 
 
 @dataclass(frozen=True)
-class PerceptionModel:
+class PerceptionModel(Config):
     """What the camera reports of a head, as a statistical model (see ``scripts/measure_picker_camera.py``)."""
 
-    recall: tuple[tuple[float, ...], ...]
-    """Probability that a head is reported, by stage, free and occluded."""
-    false_per_stop: float
-    """Mean number of reports at a stop that are no head."""
-    bias_m: tuple[float, ...]
-    sigma_m: tuple[float, ...]
-    """Error of the reported position (along, across, up)."""
-    stage_confusion: tuple[tuple[float, ...], ...]
-    """Row = true stage, column = reported stage, rows sum to 1."""
-    size_sigma: float
-    """Relative error of the reported size."""
+    recall: tuple[ByStage, ByStage] = num(
+        ..., 0.0, 1.0, "", "Probability that a head is reported, free and occluded, by stage."
+    )
+    false_per_stop: float = num(..., 0.0, 20.0, "", "Mean number of reports at a stop that are no head.")
+    bias_m: Triple = num(..., -0.2, 0.2, "m", "Mean error of the reported position (along, across, up).")
+    sigma_m: Triple = num(..., 0.0, 0.2, "m", "Standard deviation of that error.")
+    stage_confusion: tuple[ByStage, ByStage, ByStage, ByStage] = num(
+        ..., 0.0, 1.0, "", "Row = true stage, column = reported stage, rows add up to 1."
+    )
+    size_sigma: float = num(..., 0.0, 1.0, "", "Relative error of the reported size.")
+
+    def check(self) -> None:
+        """Every stage is reported as some stage."""
+        if any(abs(sum(row) - 1.0) > _ROUNDING for row in self.stage_confusion):
+            self.refuse("stage_confusion", "each row must add up to 1")
 
     @classmethod
     def perfect(cls) -> PerceptionModel:
         """Every head with filaments, exactly where it is."""
-        identity = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
-        return cls(((0.0, 1.0, 1.0, 1.0),) * 2, 0.0, (0.0,) * 3, (0.0,) * 3, identity, 0.0)
+        seen: ByStage = (0.0, 1.0, 1.0, 1.0)
+        confusion = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        return cls((seen, seen), 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), confusion, 0.0)
 
     @classmethod
     @lru_cache(maxsize=8)
     def measured(cls, scenario: str) -> PerceptionModel:
         """The fit to rendered images of a scenario that ships with the package [identified]."""
-        with asset_path("perception/safflower.json") as path:
-            data = json.loads(path.read_text("utf-8"))["scenarios"][scenario]
+        data = json.loads(asset_text("perception/safflower.json"))["scenarios"][scenario]
         return cls(
-            recall=tuple(tuple(row) for row in data["recall"]),
+            recall=data["recall"],
             false_per_stop=data["false_per_stop"],
-            bias_m=tuple(data["position_bias_m"]),
-            sigma_m=tuple(data["position_sigma_m"]),
-            stage_confusion=tuple(tuple(row) for row in data["stage_confusion"]),
+            bias_m=data["position_bias_m"],
+            sigma_m=data["position_sigma_m"],
+            stage_confusion=data["stage_confusion"],
             size_sigma=data["size_sigma"],
         )
 
 
 @dataclass(frozen=True)
-class ScenarioConfig:
-    """One kind of field. Lengths in metres, days as days of flowering."""
+class ScenarioConfig(Config):
+    """One kind of field. Days are days of flowering."""
 
-    plants: int
-    pitch_m: float
-    """Distance of the plants in the row."""
-    window_m: float
-    """Length of row that a stop serves; the next stop is this much farther."""
-    max_heads: int
-    """Most heads on a plant; draws beyond it are cut off."""
-    mean_heads: float
-    """Mean of the negative binomial, or of the uniform 1..max_heads when ``dispersion`` is 0."""
-    dispersion: float
-    """Size parameter of the negative binomial; 0 draws uniformly from 1..max_heads."""
-    motor_height_m: float
-    """Height of the motors' axes: the frame is set to the crop before a row."""
-    plant_height_m: tuple[float, float]
-    """Mean and standard deviation, or the range when ``potted``."""
-    crown_m: tuple[float, float]
-    """Range of the crown's width."""
-    head_drop_m: tuple[float, float, float]
-    """How far below the plant's top the terminal, primary and secondary heads stand at most."""
-    visit_day: tuple[float, float]
-    """The row is visited on a day drawn from this range of the flowering period."""
-    occluded: float
-    """Share of heads behind leaves."""
-    potted: bool
-    time_limit_s: float
-    max_tracks: int
-    """Most reports kept in one episode."""
-    camera_fit: str
-    """Scenario whose measured camera stands in for the camera with ``perception="model"``."""
+    plants: int = num(..., 1, 500, "", "Plants in the row.")
+    pitch_m: float = num(..., 0.01, 5.0, "m", "Distance of the plants in the row.")
+    window_m: float = num(..., 0.02, 5.0, "m", "Length of row that a stop serves; the next stop is this much farther.")
+    max_heads: int = num(..., 1, 200, "", "Most heads on a plant; draws beyond it are cut off.")
+    mean_heads: float = num(
+        ..., 0.01, 200.0, "", "Mean of the negative binomial; without dispersion draws are uniform in 1..max_heads."
+    )
+    dispersion: float = num(
+        ..., 0.0, 1000.0, "", "Size parameter of the negative binomial; 0 draws uniformly from 1..max_heads."
+    )
+    motor_height_m: float = num(
+        ..., *MOTOR_HEIGHT_M, "m", "Height of the motors' axes: the frame is set to the crop before a row."
+    )
+    plant_height_m: tuple[float, float] = num(
+        ..., 0.0, 2.0, "m", "Mean and standard deviation of the plants' height, or its range when ``potted``."
+    )
+    crown_m: tuple[float, float] = num(..., 0.01, 1.0, "m", "Range of the crown's width.")
+    head_drop_m: Triple = num(
+        ..., 0.0, 1.0, "m", "How far below the plant's top the terminal, primary and secondary heads stand at most."
+    )
+    visit_day: tuple[float, float] = num(
+        ..., -30.0, 60.0, "d", "The row is visited on a day drawn from this range of the flowering period."
+    )
+    occluded: float = num(..., 0.0, 1.0, "", "Share of heads behind leaves.")
+    potted: bool = flag(..., "Pots on blocks, each at the middle of its stop, with all their flowers open.")
+    time_limit_s: float = num(..., 1.0, 86400.0, "s", "The episode is truncated at this simulated time.")
+    max_tracks: int = num(..., 1, 5000, "", "Most reports kept in one episode.")
+    camera_fit: str = choice(
+        ..., _FITS, 'Scenario whose measured camera stands in for the camera with ``perception="model"``.'
+    )
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        _require(self, 1, "plants", "max_heads", "max_tracks")
-        _require(self, 1e-3, "pitch_m", "window_m", "time_limit_s", "mean_heads")
-        _require(self, 0.0, "dispersion")
-        _require(self, 0.0, "occluded", high=1.0)
+    def check(self) -> None:
+        """Ranges ascend, and the row is one that fits into memory."""
+        for name in ("crown_m", "visit_day") + ("plant_height_m",) * self.potted:
+            low, high = getattr(self, name)
+            if low > high:
+                self.refuse(name, "give a lower and an upper end")
+        mean_m, sigma_m = self.plant_height_m
+        if not self.potted and sigma_m > 0.2 * mean_m:
+            self.refuse("plant_height_m", "give a mean and a standard deviation of at most a fifth of it")
+        if self.plants * self.max_heads > _MOST_HEADS:
+            self.refuse("max_heads", f"with {self.plants} plants give at most {_MOST_HEADS // self.plants}")
+        if self.stops > _MOST_STOPS:
+            self.refuse("window_m", f"the row would need {self.stops} stops, give one that needs at most {_MOST_STOPS}")
 
     @property
     def stops(self) -> int:
@@ -237,41 +270,47 @@ SCENARIOS: dict[str, ScenarioConfig] = {
 
 
 @dataclass(frozen=True)
-class RewardWeights:
+class RewardWeights(Config):
     """Value of the named reward terms, in grams of filament."""
 
-    collected_g: float = 1.0
-    lost_g: float = -0.25
-    """For every gram that a pick leaves on the head or drops."""
-    seconds: float = -0.008
-    """A head of 0.38 g in the published 16 s earns 0.024 g/s; time is charged at a third of that [assumed]."""
+    collected_g: float = num(1.0, -1000.0, 1000.0, "", "For every gram collected.")
+    lost_g: float = num(-0.25, -1000.0, 1000.0, "", "For every gram that a pick leaves on the head or drops.")
+    seconds: float = num(
+        -0.008,
+        -1000.0,
+        1000.0,
+        "g/s",
+        "For every second; a head of 0.38 g in the published 16 s earns 0.024 g/s, time is charged at a third of that"
+        " [assumed].",
+    )
 
 
 @dataclass(frozen=True)
-class SafflowerConfig:
+class SafflowerConfig(Config):
     """Everything that defines a picking task."""
 
-    scenario: ScenarioConfig = POTS
-    machine: MachineConfig = field(default_factory=MachineConfig)
-    process: ProcessConfig = field(default_factory=ProcessConfig)
-    weights: RewardWeights = field(default_factory=RewardWeights)
-    slots: int = 16
-    """Candidates that a policy is shown at once."""
-    head_mass_g: float = 0.377
-    """Fresh filaments of an open head [identified: Table 2, 14.152 g on 15 pots of 2.5 heads]."""
-    head_mass_spread: float = 0.25
-    """Standard deviation of the logarithm of a head's mass [assumed]."""
-    lane_m: float = 0.05
-    """The fixed order sweeps lanes of this width across the row, to and fro [assumed: the paper names no order]."""
+    scenario: ScenarioConfig = nested(POTS, "What grows, and what the machine is set to for it.")
+    machine: MachineConfig = nested(MachineConfig, "The cart and its arm.")
+    process: ProcessConfig = nested(ProcessConfig, "Cutting and sucking.")
+    weights: RewardWeights = nested(RewardWeights, "The reward.")
+    slots: int = num(16, 1, 5000, "", "Candidates that a policy is shown at once.")
+    head_mass_g: float = num(
+        0.377,
+        1e-3,
+        5.0,
+        "g",
+        "Fresh filaments of an open head [identified: Table 2, 14.152 g on 15 pots of 2.5 heads].",
+    )
+    head_mass_spread: float = num(0.25, 0.0, 0.6, "", "Standard deviation of the logarithm of a head's mass [assumed].")
+    lane_m: float = num(
+        0.05,
+        1e-3,
+        5.0,
+        "m",
+        "The fixed order sweeps lanes of this width across the row, to and fro [assumed: the paper names no order].",
+    )
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 1 <= self.slots <= self.scenario.max_tracks:
-            raise ValueError(f"slots = {self.slots}: allowed range [1, {self.scenario.max_tracks}]")
-        _require(self, 1e-6, "head_mass_g", "lane_m")
-        _require(self, 0.0, "head_mass_spread")
-
-
-def as_dict(config: object) -> dict[str, object]:
-    """Flat listing of a configuration's fields for documents and tables."""
-    return {item.name: getattr(config, item.name) for item in fields(config)}  # type: ignore[arg-type]
+    def check(self) -> None:
+        """No more candidates than reports."""
+        if self.slots > self.scenario.max_tracks:
+            self.refuse("slots", f"give at most scenario.max_tracks = {self.scenario.max_tracks}")
