@@ -3,9 +3,7 @@
     python scripts/measure_produce_camera.py [--frames 240] [--out assets/perception/sorting.json]
 
 In every scenario in turn it renders images of streams that no benchmark uses, one each step of the belt as the machine
-takes them, adds the sensor's noise, finds the produce and pairs reports with the items nearest to them (25 mm at most,
-each once). It counts recall, reports without an item, confusion of grades, and errors of centre, yaw, tilt and axes.
-The fit takes plain standard deviations, tails included.
+takes them, adds the sensor's noise and finds the produce; see ``fieldgym.envs.sorting.calibration``.
 """
 
 from __future__ import annotations
@@ -13,141 +11,9 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from fieldgym.envs.sorting.config import GRADES, SCENARIOS, SortingConfig
-from fieldgym.envs.sorting.core import SortingCore
-from fieldgym.envs.sorting.field import (
-    ARRIVAL_S,
-    AZIMUTH,
-    FRUIT,
-    GRADE,
-    LENGTH_M,
-    THICKNESS,
-    TILT,
-    WIDTH,
-    Y_M,
-    YAW,
-    Z_M,
-)
-from fieldgym.envs.sorting.reports import wrapped
-from fieldgym.envs.sorting.view import MATCH_RADIUS_M, SorterView
-from fieldgym.perception.produce import Produce
-
-FIRST_SEED = 7_100_000
-FRAMES_A_STREAM = 48
-
-
-class Tally:
-    """What was counted so far."""
-
-    def __init__(self) -> None:
-        """Start empty."""
-        self.frames, self.items, self.false = 0, 0, 0
-        self.confusion = np.zeros((4, 4), int)
-        self.missed = np.zeros(4, int)
-        self.centre: list[np.ndarray] = []
-        self.yaw: tuple[list[float], list[float]] = ([], [])
-        self.lean: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
-        self.axes: list[np.ndarray] = []
-
-    def add(self, seen: Produce, core: SortingCore, taken_s: float) -> None:
-        """Count one image."""
-        belt = core.config.belt
-        x = belt.speed_m_s * (taken_s - core.items[0, :, ARRIVAL_S])
-        half = 0.5 * belt.camera_step_m
-        there = np.flatnonzero(np.abs(x - belt.camera_x_m) <= half)
-        around = np.flatnonzero(np.abs(x - belt.camera_x_m) <= half + MATCH_RADIUS_M)
-        near = np.flatnonzero(np.abs(seen.position[:, 0] - belt.camera_x_m) <= half + 0.5 * MATCH_RADIUS_M)
-        self.frames += 1
-        self.items += len(there)
-        places = np.stack([x, core.items[0, :, Y_M]], axis=-1)
-        used: set[int] = set()
-        found: set[int] = set()
-        distance = np.linalg.norm(seen.position[near][:, None, :2] - places[around][None], axis=-1)
-        for flat in np.argsort(distance, axis=None):
-            report, index = divmod(int(flat), max(len(around), 1))
-            if distance[report, index] > MATCH_RADIUS_M:
-                break
-            item = int(around[index])
-            if report in used or item in found:
-                continue
-            used.add(report)
-            found.add(item)
-            if item in there:
-                self._pair(seen, int(near[report]), core, item, x[item])
-        missed = core.items[0, [i for i in there if i not in found], GRADE]
-        self.missed += np.bincount(missed.astype(np.int64), minlength=4)
-        inside = [r for r in range(len(near)) if abs(seen.position[near[r], 0] - belt.camera_x_m) <= half]
-        self.false += sum(r not in used for r in inside)
-
-    def _pair(self, seen: Produce, report: int, core: SortingCore, item: int, x: float) -> None:
-        lies = core.items[0, item]
-        grade = int(lies[GRADE])
-        kind = int(grade // 2 == FRUIT)
-        self.confusion[grade, seen.grade[report]] += 1
-        centre = np.array([x, lies[Y_M], lies[Z_M] + core.config.machine.sorter.belt_height_m])
-        self.centre.append(seen.position[report] - centre)
-        self.yaw[kind].append(float(wrapped(np.array(seen.yaw[report] - lies[YAW]))))
-        lean = lies[TILT] * np.array([np.cos(lies[AZIMUTH]), np.sin(lies[AZIMUTH])])
-        reported = seen.tilt[report] * np.array([np.cos(seen.azimuth[report]), np.sin(seen.azimuth[report])])
-        self.lean[kind].append(reported - lean)
-        true_axes = lies[LENGTH_M] * np.array([1.0, lies[WIDTH], lies[THICKNESS]])
-        self.axes.append(seen.axes_m[report] / true_axes - 1.0)
-
-    def fit(self) -> dict[str, Any]:
-        """The statistical camera, with what it was fitted to."""
-        centre, axes = np.array(self.centre), np.array(self.axes)
-        shares = (self.confusion + 0.0) / np.maximum(self.confusion.sum(axis=1, keepdims=True), 1)
-        lean = [np.concatenate(part) for part in self.lean]
-        yaw_deg = [np.degrees(np.abs(part)) for part in self.yaw]
-        return {
-            "made_by": "scripts/measure_produce_camera.py",
-            "frames": self.frames,
-            "items": self.items,
-            "recall": round(1.0 - int(self.missed.sum()) / self.items, 4),
-            "false_per_item": round(self.false / self.items, 4),
-            "position_bias_m": np.round(centre.mean(axis=0), 5).tolist(),
-            "position_sigma_m": np.round(centre.std(axis=0), 5).tolist(),
-            "yaw_sigma_rad": [round(float(np.std(part)), 4) for part in self.yaw],
-            "tilt_sigma_rad": [round(float(np.sqrt(np.mean(part**2))), 4) for part in lean],
-            "length_sigma": round(float(axes[:, 0].std()), 4),
-            "grade_confusion": np.round(shares, 4).tolist(),
-            "measured": {
-                "confusion_counts": self.confusion.tolist(),
-                "missed_by_grade": self.missed.tolist(),
-                "false": self.false,
-                "mean_horizontal_error_mm": round(float(1e3 * np.linalg.norm(centre[:, :2], axis=1).mean()), 3),
-                "p95_horizontal_error_mm": round(
-                    float(1e3 * np.quantile(np.linalg.norm(centre[:, :2], axis=1), 0.95)), 3
-                ),
-                "yaw_median_p95_deg": [np.round(np.quantile(part, [0.5, 0.95]), 2).tolist() for part in yaw_deg],
-                "tilt_median_p95_deg": [
-                    np.round(np.degrees(np.quantile(np.linalg.norm(np.array(part), axis=1), [0.5, 0.95])), 2).tolist()
-                    for part in self.lean
-                ],
-                "axes_bias": np.round(axes.mean(axis=0), 4).tolist(),
-                "axes_sigma": np.round(axes.std(axis=0), 4).tolist(),
-            },
-        }
-
-
-def measure(frames: int) -> dict[str, Any]:
-    """Render and count ``frames`` images, the scenarios in turn."""
-    tally = Tally()
-    for stream, name in enumerate(list(SCENARIOS) * (frames // FRAMES_A_STREAM + 1)):
-        if tally.frames >= frames:
-            break
-        core = SortingCore(SortingConfig(scenario=SCENARIOS[name]), None)
-        core.reset_rows(np.array([0]), [np.random.default_rng(FIRST_SEED + stream)])
-        view = SorterView(core)
-        for number in range(min(FRAMES_A_STREAM, frames - tally.frames)):
-            taken_s, seen = view.take(number)
-            tally.add(seen, core, taken_s)
-        view.close()
-    return tally.fit()
+from fieldgym.envs.sorting.calibration import measure
+from fieldgym.envs.sorting.config import GRADES
 
 
 def main() -> None:

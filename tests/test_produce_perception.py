@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fieldgym.envs.core import NominalExecutor
+from fieldgym.envs.sorting import calibration
 from fieldgym.envs.sorting.config import SCENARIOS, BeltConfig, PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.core import SortingCore
 from fieldgym.envs.sorting.field import ARRIVAL_S, centre_height_m
@@ -15,7 +16,6 @@ from fieldgym.envs.sorting.scene import OPEN_M, ShownItem, SorterScene, item_col
 from fieldgym.envs.sorting.view import SorterView, sensor_noise
 from fieldgym.motion.orientation import axes, tilted
 from fieldgym.perception.produce import Belt, detect
-from fieldgym.scripts import measure_produce_camera
 
 BELT_M = SortingConfig().machine.sorter.belt_height_m
 
@@ -111,7 +111,7 @@ def test_noise_is_the_same_for_the_same_image(scene):
 
 
 def test_the_shipped_fit_is_a_measurement_of_at_least_200_images():
-    path = Path(measure_produce_camera.__file__).parent.parent / "assets/perception/sorting.json"
+    path = Path(calibration.__file__).parents[2] / "assets/perception/sorting.json"
     data = json.loads(path.read_text("utf-8"))
     model = PerceptionModel.measured()
     assert data["frames"] >= 200 and data["items"] >= 200
@@ -122,7 +122,7 @@ def test_the_shipped_fit_is_a_measurement_of_at_least_200_images():
 
 
 def test_a_small_measurement_agrees_with_the_shipped_one():
-    result, shipped = measure_produce_camera.measure(12), PerceptionModel.measured()
+    result, shipped = calibration.measure(12), PerceptionModel.measured()
     assert result["frames"] == 12 and result["recall"] >= 0.9
     assert max(result["position_sigma_m"]) < 3.0 * max(shipped.sigma_m) + 2e-4
 

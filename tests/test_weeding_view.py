@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fieldgym  # noqa: F401
+from fieldgym.envs.weeding.calibration import MATCH_M, factors, kept, match
 from fieldgym.envs.weeding.config import SCENARIOS, CartConfig, PerceptionModel, WeedingConfig
 from fieldgym.envs.weeding.field import (
     FAR_M,
@@ -23,7 +24,6 @@ from fieldgym.envs.weeding.scene import WeederScene
 from fieldgym.envs.weeding.tools.laser.machine import weeder_parameters
 from fieldgym.envs.weeding.view import TOOL_SETTINGS
 from fieldgym.perception.weeds import detect
-from fieldgym.scripts.measure_weed_cameras import MATCH_M, factors, kept, match
 
 SCENARIO = SCENARIOS["load-1.0"]
 
