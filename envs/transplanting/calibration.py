@@ -80,9 +80,7 @@ def fit(samples: list[Sample]) -> TraySettings:
     best, found = -1.0, TraySettings()
     grid = itertools.product(np.linspace(0.02, 0.6, 30), np.linspace(0.05, 0.40, 36), (0.3, 0.4, 0.5, 0.6, 0.7))
     for middle, area, yellow in grid:
-        settings = replace(
-            TraySettings(), empty_middle=float(middle), poor_area=float(area), yellow_share=float(yellow)
-        )
+        settings = TraySettings(empty_middle=float(middle), poor_area=float(area), yellow_share=float(yellow))
         counts = confusion(samples, settings)
         score = float(np.mean(np.diag(counts) / counts.sum(axis=1)))
         if score > best:

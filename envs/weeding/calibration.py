@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .config import SCENARIOS, WeedingConfig
+from .config import SCENARIOS, PerceptionModel, WeedingConfig
 from .env import laser_core
 from .field import nearest_crop, nearest_weed, neighbourhood
 from .view import DELAY_S, DRIFT_SHARE, SAME_M, FrontCamera, WeederView
