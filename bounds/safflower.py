@@ -15,13 +15,11 @@ import numpy as np
 
 from ..envs.safflower.config import EFFORTS, SafflowerConfig
 from ..envs.safflower.core import SafflowerCore
-from ..envs.safflower.field import stop_centres
+from ..envs.safflower.drawing import stop_centres
 from ..envs.safflower.process import Shears, collected_share, cut_share, dropped_share
-from ..motion import QUINTIC
+from ..envs.safflower.timing import DRIVE, P, legs_s, levels_s, standing_s
 from .base import METHODS, REPORTS, Bound
 from .stops import EXACT_TARGETS, Array, Stop, largest, shortest_cycle
-
-_STILL_M = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,33 +152,21 @@ def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array) -> A
 
 
 def _stop(core: SafflowerCore, stop: int, target: Array, gain: Array, mass: Array, slack_m: float) -> Stop:
-    config, picker, process = core.config, core.config.machine.picker, core.config.process
-    centres = stop_centres(config.scenario) - picker.camera_ahead_m
-    park = np.array([0.5 * picker.five_bar.base_m, config.machine.clear_level_m])
-    here = np.array([centres[stop], *park])
-    there = np.array([centres[min(stop + 1, len(centres) - 1)], *park])
-
-    def leg(stroke: Array, slack: float, along: bool) -> Array:
-        free = np.maximum(np.abs(stroke) - slack, 0.0)
-        if along:
-            return QUINTIC.duration(free, picker.cart_velocity_m_s, picker.cart_acceleration_m_s2)
-        return QUINTIC.duration(free, picker.tool_velocity_m_s, picker.tool_acceleration_m_s2)
-
-    def beside(begin: Array, end: Array, slack: float) -> Array:
-        along, across = end[..., 0] - begin[..., 0], end[..., 1] - begin[..., 1]
-        settle = config.machine.settle_s * (np.abs(along) - slack > _STILL_M)
-        return np.asarray(np.maximum(leg(along, slack, True), leg(across, slack, False)) + settle, np.float64)
-
-    begins = np.vstack([here, target])
+    """A stop with targets (n, 3); the machine may work up to ``slack_m`` beside them."""
+    config, tables = core.config, core.tables
+    begins = np.vstack([tables.look_pose[stop], target])
     # A tool that is held too high cuts less, not nothing: with any reports a descent may be left out.
-    depth_s = leg(park[1] - begins[:, 2], 0.0, False) if slack_m == 0.0 else np.zeros(len(begins))
-    approach = beside(begins[:, None], target[None], 2.0 * slack_m) + depth_s[:, None] + depth_s[None, 1:]
-    approach[0] = beside(here, target, slack_m) + depth_s[1:]
+    depth_s = levels_s(tables.rates, begins[:, 2]) if slack_m == 0.0 else np.zeros(len(begins))
+    approach = legs_s(tables.rates, begins, target, 2.0 * slack_m, True) + depth_s[:, None] + depth_s[None, 1:]
+    approach[0] = legs_s(tables.rates, begins[:1], target, slack_m, True)[0] + depth_s[1:]
+    standing = standing_s(config)
     # The machine leaves the last stop by lifting its tool.
-    last = stop == len(centres) - 1
-    leave = depth_s if last else beside(begins, there, slack_m) + depth_s + process.recognise_s
-    strokes_s = np.array(process.strokes) * process.stroke_m / process.shear_speed
-    process_s = np.tile(process.locate_s + strokes_s + np.array(process.suction_s), (len(target), 1))
+    leave = depth_s
+    if stop + 1 < len(tables.look_pose):
+        away = legs_s(tables.rates, begins, tables.look_pose[stop + 1 : stop + 2], slack_m, True)[:, 0]
+        leave = away + depth_s + standing[DRIVE, P.recognise]
+    work_s = standing[:DRIVE, P.recognise] + standing[:DRIVE, P.shear] + standing[:DRIVE, P.suck]
+    process_s = np.tile(work_s, (len(target), 1))
     other = config.weights.lost_g * (mass[:, None] - gain) * (gain > 0.0)
     if slack_m > 0.0:
         # A head may be reported and picked again: two or more visits bring at most everything.

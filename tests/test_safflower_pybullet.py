@@ -9,7 +9,7 @@ import pytest
 from fieldgym.agents import act_single, make_policy
 from fieldgym.envs.safflower.config import SCENARIOS
 from fieldgym.envs.safflower.machine import trajectory
-from fieldgym.envs.safflower.rules import NOTHING
+from fieldgym.envs.safflower.timing import NOTHING
 
 ID = "fieldgym/SafflowerPicking-v0"
 

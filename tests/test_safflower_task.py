@@ -19,10 +19,11 @@ from fieldgym.envs.safflower.config import (
     SafflowerConfig,
 )
 from fieldgym.envs.safflower.core import PickerOutcome, SafflowerCore
+from fieldgym.envs.safflower.drawing import draw_heads, fixed_order, reach_table, stop_centres
 from fieldgym.envs.safflower.features import candidate_table
-from fieldgym.envs.safflower.field import draw_heads, fixed_order, reach_table, stop_centres
 from fieldgym.envs.safflower.process import Shears, collected_share, cut_share, dropped_share
-from fieldgym.envs.safflower.rules import DRIVE, FINISH, MISSED, NOTHING, TOTAL
+from fieldgym.envs.safflower.state import T
+from fieldgym.envs.safflower.timing import DRIVE, FINISH, NOTHING
 from fieldgym.motion import QUINTIC
 
 ID = "fieldgym/SafflowerPicking-v0"
@@ -42,7 +43,7 @@ def toy(places: list[tuple[float, float, float]], **changes) -> SafflowerCore:
     position = np.array(places).reshape(-1, 3)
     core.state.head_position[0, :n] = position - core.frame
     core.state.head_mass_g[0, :n], core.state.head_stage[0, :n] = 0.4, 1
-    core.state.totals[:, [TOTAL, MISSED]] = 0.4 * n, n
+    core.state.totals[:, [T.total, T.missed]] = 0.4 * n, n
     core.receive(0, position, np.ones(n, int), np.full(n, 0.048), np.arange(n))
     return core
 

@@ -79,9 +79,9 @@ def layout_of(env: Any) -> Layout:
         ValueError: the sizes of its spaces do not fit the scheme.
     """
     core = env.unwrapped.core
-    names = sys.modules[type(core).__module__]
+    names = getattr(core, "candidate_features", None) or sys.modules[type(core).__module__].CANDIDATE_FEATURES
     actions, flat = int(core.action_space.n), int(core.observation_space["candidates"].shape[0])
-    features = len(names.CANDIDATE_FEATURES)
+    features = len(names)
     candidates, rest = divmod(flat, features)
     # A task that repeats its scheme once a cart speed says how long one repetition is.
     base = int(getattr(core, "base_actions", actions))

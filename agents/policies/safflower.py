@@ -8,23 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.safflower.config import EFFORTS, OPEN_STAGES, STAGES, SafflowerConfig
+from ...envs.safflower.config import EFFORTS, OPEN_STAGES, SafflowerConfig
 from ...envs.safflower.features import (
     ACROSS_SCALE_M,
     AHEAD_SCALE_M,
-    CANDIDATE_FEATURES,
-    MACHINE_FEATURES,
     SIZE_SCALE_M,
     TRAVEL_SCALE_S,
+    C,
+    M,
     candidate_table,
 )
-from ...motion import QUINTIC
+from ...envs.safflower.timing import DRIVE, P, Rates, legs_s, standing_s
 from .base import Actions, ConfiguredPolicy, Observation, StatelessPolicy
 from .routes import open_route, shortest_route
 
 NORMAL = EFFORTS.index("normal")
-_COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
-_OPEN = [_COLUMN[STAGES[stage]] for stage in OPEN_STAGES]
+_OPEN = [C.bud + stage for stage in OPEN_STAGES]
 _MEAN_SIZE_M = 0.04785
 _OPEN_SHARE = 0.4
 """Share of a plant's heads that are in bloom and seen on an average day [assumed by the rule]."""
@@ -64,7 +63,7 @@ class Nearest(StatelessPolicy):
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
         open_heads = wanted(observation)
-        travel = np.where(open_heads, candidate_table(observation)[..., _COLUMN["travel"]], np.inf)
+        travel = np.where(open_heads, candidate_table(observation)[..., C.travel], np.inf)
         return _pick(travel.argmin(axis=1), NORMAL, open_heads.any(axis=1), open_heads.shape[1])
 
 
@@ -73,9 +72,7 @@ class _Routes:
 
     def __init__(self, config: SafflowerConfig):
         """Take the machine's rates from the configuration."""
-        picker = config.machine.picker
-        self._velocity = np.array([picker.cart_velocity_m_s, picker.tool_velocity_m_s])
-        self._acceleration = np.array([picker.cart_acceleration_m_s2, picker.tool_acceleration_m_s2])
+        self._rates = Rates.of(config)
 
     def first(
         self, observation: Observation, heads: NDArray[np.bool_], route: Callable[[NDArray[np.float64]], list[int]]
@@ -90,12 +87,11 @@ class _Routes:
     def _move_times(self, observation: Observation, row: int, slots: NDArray[np.int64]) -> NDArray[np.float64]:
         """Seconds between the arm (index 0) and the candidates (1..n); rise and descent are the same in any order."""
         features = candidate_table(observation)[row, slots]
-        across = observation["machine"][row, MACHINE_FEATURES.index("across")]
-        ahead = np.append(0.0, features[:, _COLUMN["along"]]) * AHEAD_SCALE_M
-        sideways = np.append(across, features[:, _COLUMN["across"]]) * ACROSS_SCALE_M
+        across = observation["machine"][row, M.across]
+        ahead = np.append(0.0, features[:, C.along]) * AHEAD_SCALE_M
+        sideways = np.append(across, features[:, C.across]) * ACROSS_SCALE_M
         places = np.column_stack([ahead, sideways])
-        strokes = places[:, None] - places[None]
-        return QUINTIC.duration_unchecked(strokes, self._velocity, self._acceleration).max(axis=-1)
+        return legs_s(self._rates, places, places, 0.0, False)
 
 
 class NearestTwoOpt(ConfiguredPolicy):
@@ -130,8 +126,9 @@ class GramsPerSecond(ConfiguredPolicy):
         cut = 1.0 - (1.0 - process.stroke_cut * _CENTRED_SHARE) ** strokes
         kept = 1.0 - process.suction_loss * np.exp(-suction / process.suction_decay_s)
         self._grams = config.head_mass_g * cut * kept
-        self._process_s = strokes * process.stroke_m / process.shear_speed + suction
-        self._process_s = self._process_s + process.locate_s + config.machine.settle_s
+        standing = standing_s(config)[:DRIVE]
+        self._process_s = standing[:, P.shear] + standing[:, P.suck] + standing[:, P.recognise]
+        self._process_s = self._process_s + config.machine.settle_s
         self._price = abs(config.weights.seconds)
         self._average = float(np.max(self._grams / (self._process_s + 0.5 * TRAVEL_SCALE_S)))
         scenario = config.scenario
@@ -153,15 +150,15 @@ class GramsPerSecond(ConfiguredPolicy):
         """Expected surplus (B, K, efforts), travel times (B, K), and which heads are worth their time (B, K)."""
         candidates, machine = candidate_table(observation), observation["machine"]
         open_heads = wanted(observation)
-        used = machine[:, MACHINE_FEATURES.index("time")]
-        served = 1.0 - machine[:, MACHINE_FEATURES.index("stops_left")]
+        used = machine[:, M.time]
+        served = 1.0 - machine[:, M.stops_left]
         ahead = open_heads.sum(axis=1) + (1.0 - served) * self._row_heads
         tight = used + self._head_share * ahead > 1.0
         second = np.where(tight, self._average, self._price)[:, None, None]
         # Filaments grow with the tuft's area; much of what the camera sees of it is its own error.
-        area = (candidates[..., _COLUMN["size"]] * (SIZE_SCALE_M / _MEAN_SIZE_M)) ** 2
+        area = (candidates[..., C.size] * (SIZE_SCALE_M / _MEAN_SIZE_M)) ** 2
         area = 1.0 + _SIZE_TRUST * (area - 1.0)
-        travel_s = candidates[..., _COLUMN["travel"]] * TRAVEL_SCALE_S
+        travel_s = candidates[..., C.travel] * TRAVEL_SCALE_S
         surplus = area[..., None] * self._grams - second * (travel_s[..., None] + self._process_s)
         worth = open_heads & ((surplus.max(axis=-1) > 0.0) | tight[:, None])
         return surplus, travel_s, worth

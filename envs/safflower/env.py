@@ -9,7 +9,7 @@ from ..single import TaskEnv
 from ..vector import TaskVectorEnv
 from .config import SCENARIOS, PerceptionModel, SafflowerConfig
 from .core import PickerOutcome, SafflowerCore
-from .rules import PickerPlan
+from .state import PickerPlan
 
 if TYPE_CHECKING:
     from .machine import PyBulletPicker
@@ -54,15 +54,16 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
     (2, 2 s), 2 thorough (3, 3 s); ``3 K`` drives to the next stop, at the last one it ends the episode. Empty slots
     and heads out of reach are masked; an illegal action does nothing, costs one second and is counted.
 
-    **Observation**, a ``Dict`` of float32 boxes scaled to order one:
+    **Observation**, a ``Dict`` of float32 boxes in [-10, 10]. Features are scaled to order one; what would be larger
+    than 10 is shown as 10 (``time`` after the limit, ``remaining`` with few slots, places far away):
 
     - ``machine`` (6,): ``ahead`` arm plane minus the stop's centre along the row / 0.3 m, ``across`` / 0.15 m,
-      ``height`` below the traverse level / 0.2 m, ``time`` / time limit, ``stops_left`` / stops, ``remaining``
-      reports at this stop / K.
+      ``height`` above the traverse level / 0.2 m (never positive), ``time`` / time limit, ``stops_left`` / stops,
+      ``remaining`` reports at this stop / K.
     - ``candidates`` (K x 11,), a table in row order (``candidate_table`` gives it its two axes): the reports of this
       stop in the fixed order, empty rows zero: ``present``, ``along`` report
       minus arm plane / 0.3 m, ``across`` / 0.15 m, ``height`` / 0.2 m, ``travel`` time to get there / 4 s, one-hot
-      reported stage (bud, fresh, late, dry), ``size`` filament spread / 0.05 m, ``reachable``.
+      reported stage (``bud``, ``fresh``, ``late``, ``dry``), ``size`` filament spread / 0.05 m, ``reachable``.
     - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``, in grams: ``collected`` filaments, ``lost`` ones that a pick left on

@@ -11,7 +11,8 @@ from ...simulation.picker_model import PickerParameters
 from ..core import Array, Rows
 from .config import SafflowerConfig
 from .core import PickerOutcome, SafflowerCore
-from .rules import DRIVE, NOTHING, PickerPlan
+from .state import PickerPlan
+from .timing import DRIVE, NOTHING, P
 
 _REST_TOLERANCE_M = 5e-4
 """The motion is over when the tool is this close to where it was sent; its weight alone bends it by up to 0.25 mm."""
@@ -56,7 +57,7 @@ class PyBulletPicker:
         while report.final_error_m > _REST_TOLERANCE_M and moved_s < nominal_s + _REST_LIMIT_S:
             report = self._machine.run(*hold)
             moved_s += report.duration_s
-        phases[0, 1 if kind == DRIVE else 2] += moved_s - nominal_s
+        phases[0, P.drive if kind == DRIVE else P.travel] += moved_s - nominal_s
         x, y, z = report.final_tool_m
         parameters = self._machine.parameters
         plane = [[x, y + 0.5 * parameters.five_bar.base_m, z - parameters.motor_height_m]]

@@ -11,10 +11,11 @@ from ...perception import blooms
 from ...perception.frames import Frame
 from ..core import Array, StepResult
 from .core import SafflowerCore
-from .field import fixed_order, stop_centres
+from .drawing import fixed_order, stop_centres
 from .machine import picker_parameters, trajectory
-from .rules import NOTHING, PickerPlan
 from .scene import Field, PickerScene
+from .state import PickerPlan
+from .timing import NOTHING
 
 MATCH_RADIUS_M = 0.025
 """A report farther than this from every head is counted as false."""

@@ -1,0 +1,230 @@
+"""What the picking rules work on: their tables, the state of the worlds, plans, and names for every column."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..columns import Says, numbered
+from ..core import Array
+from .config import SafflowerConfig
+from .drawing import stop_centres
+from .features import C
+from .process import Shears, dropped_share
+from .timing import Rates, standing_s
+
+
+class Rewards(NamedTuple):
+    """Terms of the reward."""
+
+    collected: Annotated[int, Says("g", "filaments in the box")]
+    lost: Annotated[int, Says("g", "filaments that a pick left on the head or dropped")]
+    time: Annotated[int, Says("s", "seconds")]
+
+
+class Totals(NamedTuple):
+    """What is added up in the course of an episode; one column a phase, in the order of ``Phases``."""
+
+    time: Annotated[int, Says("s", "simulated time since the episode began")]
+    done: Annotated[int, Says("", "open heads that were picked")]
+    missed: Annotated[int, Says("", "open heads that were not picked")]
+    damaged: Annotated[int, Says("", "buds that were cut")]
+    illegal: Annotated[int, Says("", "actions that were not possible")]
+    recognise: Annotated[int, Says("s", "time of this phase, as all that follow up to ``suck``")]
+    drive: Annotated[int, Says("s", "see ``recognise``")]
+    travel: Annotated[int, Says("s", "see ``recognise``")]
+    settle: Annotated[int, Says("s", "see ``recognise``")]
+    shear: Annotated[int, Says("s", "see ``recognise``")]
+    suck: Annotated[int, Says("s", "see ``recognise``")]
+    gained: Annotated[int, Says("g", "filaments in the box")]
+    dropped: Annotated[int, Says("g", "filaments that were cut and fell beside it")]
+    total: Annotated[int, Says("g", "filaments of all open heads before the first pick")]
+    wasted: Annotated[int, Says("", "picks that finished no open head")]
+    last: Annotated[int, Says("s", "when the last open head was picked")]
+
+
+class Scores(NamedTuple):
+    """The scorecard."""
+
+    net_rate: Annotated[int, Says("", "collected / all filaments of open heads in the field (eq. 35)")]
+    cycle_time_s: Annotated[int, Says("s", "time until the last open head was picked / open heads picked (eq. 34)")]
+    throughput_per_min: Annotated[int, Says("1/min", "open heads picked a minute")]
+    duration_s: Annotated[int, Says("s", "simulated time since the episode began")]
+    done: Annotated[int, Says("", "open heads that were picked")]
+    missed: Annotated[int, Says("", "open heads that were not picked")]
+    damaged: Annotated[int, Says("", "buds that were cut")]
+    illegal: Annotated[int, Says("", "actions that were not possible")]
+    phase_recognise_s: Annotated[int, Says("s", "time of this phase, as all that follow up to ``phase_suck_s``")]
+    phase_drive_s: Annotated[int, Says("s", "see ``phase_recognise_s``")]
+    phase_travel_s: Annotated[int, Says("s", "see ``phase_recognise_s``")]
+    phase_settle_s: Annotated[int, Says("s", "see ``phase_recognise_s``")]
+    phase_shear_s: Annotated[int, Says("s", "see ``phase_recognise_s``")]
+    phase_suck_s: Annotated[int, Says("s", "see ``phase_recognise_s``")]
+    collected_g: Annotated[int, Says("g", "filaments in the box")]
+    dropped_g: Annotated[int, Says("g", "filaments that were cut and fell beside it")]
+    total_g: Annotated[int, Says("g", "filaments of all open heads before the first pick")]
+    wasted: Annotated[int, Says("", "picks that finished no open head")]
+    grams_per_min: Annotated[int, Says("g/min", "filaments in the box a minute")]
+    stop: Annotated[int, Says("", "number of the present stop, from 0")]
+
+
+R, T, S = numbered(Rewards), numbered(Totals), numbered(Scores)
+
+
+class Tables(NamedTuple):
+    """What the rules look up; the same in every world.
+
+    Attributes:
+        standing_s: (kinds, phases), see ``timing.standing_s``.
+        strokes: (6,), shear strokes by kind.
+        dropped: (6,), share of the cut filaments that drops on average, by kind.
+        shears: numbers of the cut.
+        rates: numbers of the motions.
+        stop_pose: (S, 3), parked pose at each stop.
+        look_pose: (S, 3), pose from which the camera sees each stop.
+        weights: of the reward's terms, as ``Rewards``.
+        time_limit_s: when the episode is cut off.
+        from_outside: whether reports come from a camera, after each drive.
+    """
+
+    standing_s: Array
+    strokes: Array
+    dropped: Array
+    shears: Shears
+    rates: Rates
+    stop_pose: Array
+    look_pose: Array
+    weights: Array
+    time_limit_s: float
+    from_outside: bool
+
+
+class Worlds(NamedTuple):
+    """State of B worlds with N heads, M reports and K slots; positions are (cart, u, v) metres as in ``PickerPlan``.
+
+    Attributes:
+        head_position: (B, N + 1, 3); head N stands for none.
+        head_stage: (B, N + 1).
+        head_mass_g: (B, N + 1), what is left on the head.
+        head_visited: (B, N + 1).
+        head_odds: (B, N + 1, 2), what a head's luck multiplies the odds of its cut and of its collection with.
+        track_target: (B, M + 1, 3); report M stands for none.
+        track_feature: (B, M + 1, F), what does not depend on where the arm is.
+        track_descent_s: (B, M + 1).
+        track_legal: (B, M + 1).
+        track_head: (B, M + 1).
+        first: (B, S + 1), first report of each stop.
+        slot_report: (B, K + 1), report in each slot; the last slot is the empty one that driving on points at.
+        cursor: (B,), next report of this stop that has no slot yet.
+        stop_end: (B,), end of this stop's reports.
+        remaining: (B,), reports of this stop that were not picked.
+        stop: (B,).
+        look_due: (B,), whether a camera has to report.
+        pose: (B, 3).
+        rise_s: (B,), seconds of the rise that the next decision begins with.
+        totals: (B, columns of ``Totals``).
+    """
+
+    head_position: Array
+    head_stage: NDArray[np.int64]
+    head_mass_g: Array
+    head_visited: NDArray[np.bool_]
+    head_odds: Array
+    track_target: Array
+    track_feature: NDArray[np.float32]
+    track_descent_s: Array
+    track_legal: NDArray[np.bool_]
+    track_head: NDArray[np.int64]
+    first: NDArray[np.int64]
+    slot_report: NDArray[np.int64]
+    cursor: NDArray[np.int64]
+    stop_end: NDArray[np.int64]
+    remaining: NDArray[np.int64]
+    stop: NDArray[np.int64]
+    look_due: NDArray[np.bool_]
+    pose: Array
+    rise_s: Array
+    totals: Array
+
+
+class PickerPlan(NamedTuple):
+    """What the picker has to do in each world; positions are (cart, u, v): cart along the row, tool in the arm's plane.
+
+    Attributes:
+        kind: (B,), effort index, ``DRIVE``, ``NOTHING`` or ``FINISH``.
+        slot: (B,), candidate slot, ``slots`` when none.
+        report: (B,), the report behind it, the empty one when there is none.
+        start: (B, 3), metres.
+        target: (B, 3), metres.
+        rise_s: (B,), seconds of the rise to the traverse level.
+        beside_s: (B, 2), seconds of the cart's move and of the traverse across, which go on side by side.
+        descent_s: (B,), seconds of the descent.
+        phases_s: (B, phases), nominal seconds of each.
+        next_rise_s: (B,), seconds of the rise that the next decision begins with.
+    """
+
+    kind: NDArray[np.int64]
+    slot: NDArray[np.int64]
+    report: NDArray[np.int64]
+    start: Array
+    target: Array
+    rise_s: Array
+    beside_s: Array
+    descent_s: Array
+    phases_s: Array
+    next_rise_s: Array
+
+
+def tables_of(config: SafflowerConfig, from_outside: bool) -> Tables:
+    """The tables of a configuration; ``from_outside`` as in ``Tables``."""
+    scenario, process, weights = config.scenario, config.process, config.weights
+    stop_pose = stop_poses(config)
+    return Tables(
+        standing_s=standing_s(config),
+        strokes=np.array(process.strokes, float),
+        dropped=np.array([dropped_share(process, suction_s) for suction_s in process.suction_s]),
+        shears=Shears.of(process),
+        rates=Rates.of(config),
+        stop_pose=stop_pose,
+        look_pose=stop_pose - [config.machine.picker.camera_ahead_m, 0.0, 0.0],
+        weights=np.array([weights.collected_g, weights.lost_g, weights.seconds]),
+        time_limit_s=scenario.time_limit_s,
+        from_outside=from_outside,
+    )
+
+
+def stop_poses(config: SafflowerConfig) -> Array:
+    """Pose (S, 3) at each stop with the tool parked and the arm at the middle of the stop's window."""
+    stops = stop_centres(config.scenario)
+    park = np.array([0.5 * config.machine.picker.five_bar.base_m, config.machine.clear_level_m])
+    return np.column_stack([stops, np.tile(park, (len(stops), 1))])
+
+
+def empty_worlds(config: SafflowerConfig, b: int) -> Worlds:
+    """State of ``b`` worlds in which nothing grows."""
+    scenario, k = config.scenario, config.slots
+    heads, tracks = scenario.plants * scenario.max_heads, scenario.max_tracks
+    return Worlds(
+        head_position=np.zeros((b, heads + 1, 3)),
+        head_stage=np.zeros((b, heads + 1), np.int64),
+        head_mass_g=np.zeros((b, heads + 1)),
+        head_visited=np.zeros((b, heads + 1), bool),
+        head_odds=np.ones((b, heads + 1, 2)),
+        track_target=np.zeros((b, tracks + 1, 3)),
+        track_feature=np.zeros((b, tracks + 1, len(C)), np.float32),
+        track_descent_s=np.zeros((b, tracks + 1)),
+        track_legal=np.zeros((b, tracks + 1), bool),
+        track_head=np.full((b, tracks + 1), heads),
+        first=np.zeros((b, scenario.stops + 1), np.int64),
+        slot_report=np.full((b, k + 1), tracks),
+        cursor=np.zeros(b, np.int64),
+        stop_end=np.zeros(b, np.int64),
+        remaining=np.zeros(b, np.int64),
+        stop=np.zeros(b, np.int64),
+        look_due=np.zeros(b, bool),
+        pose=np.zeros((b, 3)),
+        rise_s=np.zeros(b),
+        totals=np.zeros((b, len(T))),
+    )
