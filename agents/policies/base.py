@@ -8,6 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..foreign import ForeignError, guarded
+
 Observation = Mapping[str, NDArray[Any]]
 Actions = NDArray[np.int64]
 
@@ -74,6 +76,41 @@ class RandomPolicy(StatelessPolicy):
         mask = observation["action_mask"]
         lots = np.where(mask > 0, self._generator.random(mask.shape), -1.0)
         return lots.argmax(axis=1)
+
+
+class GuestPolicy:
+    """A policy that comes from outside the package: any object with ``act``, checked whenever it decides.
+
+    Attributes:
+        name: it was made by.
+        guest: the object itself; its ``reset`` is called where it has one.
+    """
+
+    def __init__(self, guest: Any, name: str):
+        """Take what decides."""
+        self.guest, self.name = guest, name
+        self._reset = getattr(guest, "reset", None)
+
+    def act(self, observation: Observation) -> Actions:
+        """Actions (B,).
+
+        Raises:
+            ForeignError: the policy fails, or gives something else; one line with file and line number.
+        """
+        actions = np.asarray(guarded(lambda: self.guest.act(observation), f"policy {self.name!r}: "))
+        worlds = len(observation["action_mask"])
+        if actions.shape != (worlds,) or actions.dtype.kind not in "iu":
+            raise ForeignError(
+                f"policy {self.name!r}: act gave {actions.dtype} of shape {actions.shape}: give a whole number a "
+                f"world, shape ({worlds},)"
+            )
+        return actions.astype(np.int64, copy=False)
+
+    def reset(self, rows: NDArray[np.bool_]) -> None:
+        """Forget what is remembered of the worlds (B,) in which a new episode begins."""
+        reset = self._reset
+        if callable(reset):
+            guarded(lambda: reset(rows), f"policy {self.name!r}: ")
 
 
 def act_single(policy: Policy, observation: Observation) -> int:
