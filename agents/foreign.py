@@ -131,7 +131,7 @@ def module_named(name: str) -> ModuleType:
     return guarded(lambda: import_module(name))
 
 
-def made(factory: Any, env: Any, seed: int) -> Any:
+def made(factory: Callable[..., Any], env: Any, seed: int) -> Any:
     """What a class or factory makes for an environment and a seed; one rule for all.
 
     ``factory.make(env, seed)`` where a class has that, else ``factory(env, seed)``. One that requires fewer parameters
@@ -140,9 +140,8 @@ def made(factory: Any, env: Any, seed: int) -> Any:
     Raises:
         ForeignError: it requires something else.
     """
-    call = getattr(factory, "make", None) if inspect.isclass(factory) else None
-    if callable(call):
-        return call(env, seed)
+    if isinstance(factory, type) and callable(getattr(factory, "make", None)):
+        return factory.make(env, seed)  # type: ignore[attr-defined]
     try:
         parameters = inspect.signature(factory).parameters.values()
     except (TypeError, ValueError):  # some that are written in C say nothing of themselves
