@@ -86,17 +86,21 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
             raise ValueError(f"num_envs = {worlds!r}: give at least 1 world")
         self.worlds = int(worlds)
 
-    @abstractmethod
+    def draw_field(self, generator: np.random.Generator) -> Any:
+        """The field that a world with this generator gets; a task overrides this, or ``draw`` for many at once."""
+        return self.unstack(self.draw([generator]))[0]
+
     def draw(self, generators: Sequence[np.random.Generator]) -> Any:
         """Draw a batch, each field from its own generator, whatever is drawn beside it."""
+        return self.stack([self.draw_field(generator) for generator in generators])
 
-    @abstractmethod
     def stack(self, fields: Sequence[Any]) -> Any:
-        """The batch of fields in which nothing is missing."""
+        """The batch of fields in which nothing is missing; as it stands, a batch is a list of fields."""
+        return list(fields)
 
-    @abstractmethod
     def unstack(self, batch: Any) -> list[Any]:
         """The fields of a batch."""
+        return list(batch)
 
     @abstractmethod
     def load(self, rows: Rows, batch: Any) -> None:
@@ -106,9 +110,9 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     def plan(self, actions: NDArray[np.int64]) -> PlanT:
         """Turn actions (B,) into what the machine has to do; an illegal action becomes a costly no-op."""
 
-    @abstractmethod
     def nominal(self, plan: PlanT) -> OutcomeT:
-        """What happens when a plan is carried out exactly."""
+        """What happens when a plan is carried out exactly; as it stands, the plan is the outcome."""
+        return plan  # type: ignore[return-value]
 
     @abstractmethod
     def apply(self, plan: PlanT, outcome: OutcomeT) -> StepResult:
@@ -122,9 +126,9 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     def scores(self) -> Array:
         """Scorecard so far, shape (B, len(score_names))."""
 
-    @abstractmethod
     def describe(self, plan: PlanT, result: StepResult, row: int = 0) -> str:
         """One line for people about the last decision of one world."""
+        return f"{float(result.phases_s[row].sum()):.2f} s"
 
     def complete(self, field: Any, generator: np.random.Generator) -> Any:
         """A field with nothing missing, or an error that says what does not fit this core.
@@ -149,9 +153,17 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
         if len(rows):
             self.load(rows, self.draw(generators))
 
-    def draw_field(self, generator: np.random.Generator) -> Any:
-        """The field that a world with this generator would get."""
-        return self.unstack(self.draw([generator]))[0]
+
+def observation_space(core: TaskCore[Any, Any], slots: int, actions: int, limit: float = 10.0) -> spaces.Dict:
+    """The space of a task's observations: its machine's features, K slots of candidates' features, and the mask."""
+    flat = slots * len(core.candidate_features)
+    return spaces.Dict(
+        {
+            "machine": spaces.Box(-limit, limit, (len(core.machine_features),), np.float32),
+            "candidates": spaces.Box(-limit, limit, (flat,), np.float32),
+            "action_mask": spaces.Box(0, 1, (actions,), np.int8),
+        }
+    )
 
 
 class Executor(Protocol[PlanIn, OutcomeOut]):

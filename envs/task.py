@@ -159,7 +159,7 @@ def env_ids() -> tuple[str, ...]:
 
 
 def task(env_id: str) -> TaskSpec:
-    """The task of an id; ``module:id`` imports the module first, as ``gymnasium.make`` does.
+    """The task of an id; ``module:id`` imports the module first, and registers the specifications that stand in it.
 
     Raises:
         ValueError: unknown id; the message lists the choices.
@@ -167,7 +167,9 @@ def task(env_id: str) -> TaskSpec:
     module, _, bare = env_id.rpartition(":")
     if module and bare not in _TASKS:
         try:
-            import_module(module)
+            for value in vars(import_module(module)).values():
+                if isinstance(value, TaskSpec):
+                    register_task(value)
         except ImportError as error:
             raise ValueError(f"environment {env_id!r}: cannot import {module} ({error})") from None
     load_plugins()
