@@ -7,6 +7,7 @@ from .envs.single import TaskEnv
 from .envs.task import TaskSpec, register_policy, register_task
 from .envs.vector import TaskVectorEnv
 from .kernels.config import Config, ConfigError, choice, nested, num, text
+from .kernels.config import flag as switch
 
 __all__ = [
     "COMMON_SCORES",
@@ -37,6 +38,7 @@ __all__ = [
     "observation_space",
     "register_policy",
     "register_task",
+    "switch",
     "text",
     "whole",
 ]

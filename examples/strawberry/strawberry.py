@@ -5,26 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from gymnasium import spaces
 
-from fieldgym.custom import (
-    COMMON_SCORES,
-    Array,
-    Assembly,
-    Config,
-    Field,
-    FieldError,
-    Flags,
-    StepResult,
-    Table,
-    TaskCore,
-    TaskEnv,
-    TaskSpec,
-    TaskVectorEnv,
-    flag,
-    nested,
-    num,
-    number,
-    observation_space,
-)
+import fieldgym.custom as fg
 from fieldgym.mechanisms import TranslationalFiveBar
 from fieldgym.motion import QUINTIC
 
@@ -33,40 +14,40 @@ CORNER, SIZE, HOME, TIME_LIMIT_S = np.array([LEFT, BOTTOM]), np.array([RIGHT - L
 
 
 @dataclass(frozen=True, eq=False)
-class Berries(Table):
-    across_m: Array = number("m", LEFT, RIGHT, "across the machine")
-    up_m: Array = number("m", BOTTOM, TOP, "seen from the motors")
-    ripe: Flags = flag("whether it is worth picking", fill=1.0)
-    luck: Array = number("", 0.0, 1.0, "the gripper holds it when this is below its chance", fill="uniform")
+class Berries(fg.Table):
+    across_m: fg.Array = fg.number("m", LEFT, RIGHT, "across the machine")
+    up_m: fg.Array = fg.number("m", BOTTOM, TOP, "seen from the motors")
+    ripe: fg.Flags = fg.flag("whether it is worth picking", fill=1.0)
+    luck: fg.Array = fg.number("", 0.0, 1.0, "the gripper holds it when this is below its chance", fill="uniform")
 
 
 @dataclass(frozen=True, eq=False)
-class StrawberryField(Field):
+class StrawberryField(fg.Field):
     task, main, places = "strawberry", "berries", ("across_m", "up_m")
     berries: Berries
 
 
 @dataclass(frozen=True)
-class Wall(Config):
-    berries: int = num(8, 1, 40, "", "Berries that hang there [assumed].")
-    ripe_share: float = num(0.7, 0.0, 1.0, "", "Share of ripe ones [assumed].")
+class Wall(fg.Config):
+    berries: int = fg.num(8, 1, 40, "", "Berries that hang there [assumed].")
+    ripe_share: float = fg.num(0.7, 0.0, 1.0, "", "Share of ripe ones [assumed].")
 
 
 @dataclass(frozen=True)
-class StrawberryConfig(Config):
-    scenario: Wall = nested(Wall, "What the machine meets.")
-    velocity_m_s: float = num(1.0, 0.01, 4.5, "m/s", "Speed of the gripper [assumed].")
-    acceleration_m_s2: float = num(10.0, 0.1, 140.0, "m/s2", "Its acceleration [assumed].")
-    grip_s: float = num(0.8, 0.0, 10.0, "s", "Closing, twisting, letting go [assumed].")
-    hold: float = num(0.9, 0.0, 1.0, "", "Chance that a berry is held [assumed].")
-    second: float = num(0.05, 0.0, 10.0, "", "What a second costs, in ripe berries [assumed].")
+class StrawberryConfig(fg.Config):
+    scenario: Wall = fg.nested(Wall, "What the machine meets.")
+    velocity_m_s: float = fg.num(1.0, 0.01, 4.5, "m/s", "Speed of the gripper [assumed].")
+    acceleration_m_s2: float = fg.num(10.0, 0.1, 140.0, "m/s2", "Its acceleration [assumed].")
+    grip_s: float = fg.num(0.8, 0.0, 10.0, "s", "Closing, twisting, letting go [assumed].")
+    hold: float = fg.num(0.9, 0.0, 1.0, "", "Chance that a berry is held [assumed].")
+    second: float = fg.num(0.05, 0.0, 10.0, "", "What a second costs, in ripe berries [assumed].")
 
 
-class StrawberryCore(TaskCore):
+class StrawberryCore(fg.TaskCore):
     """B worlds of N berries: action k picks berry k, N leaves; what is not possible costs a grip's time."""
 
     reward_names, phase_names = ("picked", "time"), ("travel", "grip")
-    score_names = (*COMMON_SCORES, "phase_travel_s", "phase_grip_s")
+    score_names = (*fg.COMMON_SCORES, "phase_travel_s", "phase_grip_s")
     machine_features, candidate_features = ("across", "up", "time"), ("present", "across", "up", "ripe", "travel")
     field_type = StrawberryField
 
@@ -76,7 +57,7 @@ class StrawberryCore(TaskCore):
         self.place, self.tool = np.zeros((worlds, self.n, 2)), np.zeros((worlds, 2))
         self.there, self.ripe, self.held = np.zeros((3, worlds, self.n), bool)
         self.phases_s, self.counts = np.zeros((worlds, 2)), np.zeros((worlds, 5))
-        self.observation_space = observation_space(self, self.n, self.n + 1)
+        self.observation_space = fg.observation_space(self, self.n, self.n + 1)
         self.action_space = spaces.Discrete(self.n + 1)
 
     def draw_field(self, generator):
@@ -86,7 +67,7 @@ class StrawberryCore(TaskCore):
 
     def complete(self, field, generator):
         if len(field.berries) > self.n:
-            raise FieldError(f"{len(field.berries)} berries: give at most {self.n}, or raise scenario.berries")
+            raise fg.FieldError(f"{len(field.berries)} berries: give at most {self.n}, or raise scenario.berries")
         return super().complete(field, generator)
 
     def load(self, rows, batch):
@@ -119,7 +100,7 @@ class StrawberryCore(TaskCore):
         self.there[self.rows[picks], berry[picks]] = False
         self.tool[picks] = self.place[self.rows[picks], berry[picks]]
         rewards = np.column_stack([gained, -self.config.second * phases_s.sum(axis=1)])
-        return StepResult(rewards, phases_s, leaves, ~leaves & (self.phases_s.sum(axis=1) > TIME_LIMIT_S))
+        return fg.StepResult(rewards, phases_s, leaves, ~leaves & (self.phases_s.sum(axis=1) > TIME_LIMIT_S))
 
     def observe(self):
         machine = np.column_stack([(self.tool - CORNER) / SIZE, self.phases_s.sum(axis=1) / TIME_LIMIT_S])
@@ -147,15 +128,15 @@ class Nearest:
         return np.where((ripe > 0).any(axis=1), np.where(ripe > 0, travel, np.inf).argmin(axis=1), self.n)
 
 
-class StrawberryEnv(TaskEnv):
-    assembly = Assembly(StrawberryConfig, {"wall": Wall(), "dense": Wall(berries=20)}, StrawberryCore)
+class StrawberryEnv(fg.TaskEnv):
+    assembly = fg.Assembly(StrawberryConfig, {"wall": Wall(), "dense": Wall(berries=20)}, StrawberryCore)
 
 
-class StrawberryVectorEnv(TaskVectorEnv):
+class StrawberryVectorEnv(fg.TaskVectorEnv):
     assembly = StrawberryEnv.assembly
 
 
-SPEC = TaskSpec(
+SPEC = fg.TaskSpec(
     id="farm/StrawberryPicking-v0",
     entry_point="strawberry:StrawberryEnv",
     vector_entry_point="strawberry:StrawberryVectorEnv",
