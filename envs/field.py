@@ -7,7 +7,7 @@ documentation and the checks. Arrays are read-only: a field can be shared, compa
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from dataclasses import field as dataclass_field
 from functools import cache
@@ -28,7 +28,40 @@ ABSENT = -1
 
 
 class FieldError(ValueError):
-    """A field that cannot be used; the message is one line and says where the fault is and what to do."""
+    """A field that cannot be used; the message is one line and says where the fault is and what to do.
+
+    Args:
+        problem: what is wrong, and what to do.
+        kind: table of the row that is wrong, empty where no single row is.
+        row: its number in the table, from 0.
+        column: the column that is wrong, empty where no single one is.
+    """
+
+    def __init__(self, problem: str, kind: str = "", row: int = 0, column: str = ""):
+        """Say it, with the row's number from 1."""
+        super().__init__(f"{kind} {row + 1}: {problem}" if kind else problem)
+        self.problem, self.kind, self.row, self.column = problem, kind, row, column
+
+
+class Origin(NamedTuple):
+    """The file that a field was read from, for messages.
+
+    Attributes:
+        file: its name.
+        lines: by kind, the line of every row.
+        hints: by column, what may be the reason when a value is refused.
+    """
+
+    file: str
+    lines: Mapping[str, Sequence[int]]
+    hints: Mapping[str, str]
+
+    def located(self, error: FieldError) -> FieldError:
+        """The error with file and line."""
+        lines, hint = self.lines.get(error.kind, ()), self.hints.get(error.column, "")
+        if not error.row < len(lines):
+            return FieldError(f"{self.file}: {error}")
+        return FieldError(f"{self.file}:{lines[error.row]}: {error.kind}: {error.problem}{hint}")
 
 
 @dataclass(frozen=True)
@@ -63,6 +96,18 @@ class Column:
     def absent(self) -> Any:
         """What stands in the array where no value was given."""
         return np.nan if self.dtype is float else False if self.dtype is bool else ABSENT
+
+    @property
+    def suffix(self) -> str:
+        """The unit as it follows a number."""
+        return f" {self.unit}" if self.unit else ""
+
+    @property
+    def range(self) -> str:
+        """What may be given, in words."""
+        if self.labels:
+            return ", ".join(self.labels)
+        return f"{self.low:g} to {self.high:g}{self.suffix}"
 
     def missing(self, values: NDArray[Any]) -> Flags:
         """Where ``values`` were not given."""
@@ -106,6 +151,8 @@ class Table:
             if length is not None and len(values) != length:
                 raise FieldError(f"{type(self).__name__}.{name} has {len(values)} rows, the first column {length}")
             length = len(values)
+            if column.dtype is float:
+                values[np.isnan(values)] = np.nan  # one bit pattern, as a file gives it back
             values.flags.writeable = False
             object.__setattr__(self, name, values)
 
@@ -128,18 +175,17 @@ class Table:
         """The columns' arrays by name."""
         return {name: getattr(self, name) for name in self.columns()}
 
-    def fault(self) -> tuple[int, str] | None:
-        """The first row with a value out of its column's range, and what is wrong; None where all are right."""
+    def fault(self) -> tuple[int, str, str] | None:
+        """A row with a value out of its column's range, the column, and what is wrong; None where all are right."""
         for name, column in self.columns().items():
             values = getattr(self, name)
             missing = column.missing(values)
             if column.required and missing.any():
-                return int(np.argmax(missing)), f"{name} is missing"
-            wrong = ~missing & ~((values >= column.low) & (values <= column.high))
+                return int(np.argmax(missing)), name, f"{name} is missing: give it"
+            wrong = ~missing & ~((values >= column.low) & (values <= column.high) & np.isfinite(values))
             if wrong.any():
                 row = int(np.argmax(wrong))
-                unit = f" {column.unit}" if column.unit else ""
-                return row, f"{name} = {values[row]:g}{unit}: give {column.low:g} to {column.high:g}{unit}"
+                return row, name, f"{name} = {values[row]:.10g}{column.suffix}: give {column.range}"
         return None
 
     def filled(self: TableT, generator: np.random.Generator) -> TableT:
@@ -166,12 +212,28 @@ class Field:
     Attributes:
         task: word that files carry.
         main: the table that the rows of a file without a column ``kind`` belong to.
-        places: names of the columns that are coordinates, along first; GeoJSON makes points of them.
+        places: names of the columns that are coordinates, along first; GeoJSON makes points of them. Two rows of a kind
+            that every field has must not have the same.
+        origin: the file that this one was read from, no part of its value.
     """
 
     task: ClassVar[str]
     main: ClassVar[str]
     places: ClassVar[tuple[str, ...]] = ("along_m", "across_m")
+    origin: ClassVar[Origin | None] = None
+
+    @classmethod
+    def from_text(cls: type[FieldT], text: str, where: str) -> FieldT:
+        """A field in a form of the task's own: what a file holds that is neither CSV nor GeoJSON.
+
+        Args:
+            text: the file's.
+            where: its name, for messages.
+
+        Raises:
+            FieldError: the text is no such field; a task without a form of its own has none.
+        """
+        raise FieldError(f"{where}: give a .csv or a .geojson file: {cls.task} has no other form")
 
     @classmethod
     @cache
@@ -207,7 +269,8 @@ class Field:
         for kind, table in self.tables():
             fault = table.fault()
             if fault is not None:
-                raise FieldError(f"{kind} {fault[0] + 1}: {fault[1]}")
+                row, column, problem = fault
+                raise FieldError(problem, kind, row, column)
 
     def filled(self: FieldT, generator: np.random.Generator) -> FieldT:
         """The field with every column's own way of filling applied; see ``Column.fill``."""

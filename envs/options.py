@@ -6,8 +6,12 @@ from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any
 
+import numpy as np
+
 from .assembly import meant
-from .field import Field
+from .core import TaskCore
+from .field import FieldError
+from .field_files import read_field
 
 
 def checked_options(options: Any, known: Sequence[str]) -> Mapping[str, Any]:
@@ -26,14 +30,20 @@ def checked_options(options: Any, known: Sequence[str]) -> Mapping[str, Any]:
     return options
 
 
-def read_if_path(field: Any, field_type: type[Field]) -> Any:
-    """``field``, read from a file where it is a path.
+def completed(core: TaskCore[Any, Any], field: Any, generator: np.random.Generator) -> Any:
+    """A field of a core's task with nothing missing, read from a file where it is a path.
+
+    Args:
+        core: completes it, see ``TaskCore.complete``.
+        field: a field or a path.
+        generator: draws what the field does not say.
 
     Raises:
-        FieldError: the file holds no field of this task.
+        FieldError: it holds no field of this task, or one that does not fit; of a file with the line.
     """
-    if isinstance(field, str | PathLike):
-        from .field_files import read_field
-
-        return read_field(field, field_type)
-    return field
+    given = read_field(field, core.field_type) if isinstance(field, str | PathLike) else field
+    try:
+        return core.complete(given, generator)
+    except FieldError as error:
+        origin = getattr(given, "origin", None)
+        raise (error if origin is None else origin.located(error)) from None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .assembly import Assembly, choice
 from .core import Executor, NominalExecutor, OutcomeT, PlanT, StepResult, TaskCore, View
 from .field import Field
-from .options import checked_options, read_if_path
+from .options import checked_options, completed
 
 _ONE_ROW = np.zeros(1, np.int64)
 
@@ -131,7 +131,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             self._given, self._drawn_from = None, self.np_random.bit_generator.state
             self.core.reset_rows(_ONE_ROW, [self.np_random])
         else:
-            self._given = self.core.complete(read_if_path(field, self.core.field_type), self.np_random)
+            self._given = completed(self.core, field, self.np_random)
             self.core.load(_ONE_ROW, self.core.stack([self._given]))
         self.executor.reset_rows(_ONE_ROW)
         if self._sensing:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .assembly import BACKENDS, Assembly, choice
 from .core import Array, NominalExecutor, OutcomeT, PlanT, TaskCore
-from .options import checked_options, read_if_path
+from .options import checked_options, completed
 
 Observation = dict[str, NDArray[Any]]
 
@@ -173,12 +173,9 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         else:
             if isinstance(fields, str) or not isinstance(fields, Sequence) or len(fields) != len(rows):
                 raise ValueError(f"fields must be a list of {len(rows)} fields or files, one a world that is reset")
-            core = self.core
-            whole = [
-                core.complete(read_if_path(field, core.field_type), generator)
-                for field, generator in zip(fields, generators, strict=True)
-            ]
-            core.load(rows, core.stack(whole))
+            pairs = zip(fields, generators, strict=True)
+            whole = [completed(self.core, field, generator) for field, generator in pairs]
+            self.core.load(rows, self.core.stack(whole))
         self.executor.reset_rows(rows)
 
     def _observe(self) -> Observation:
