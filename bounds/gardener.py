@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..envs.weeding.core import WeederOutcome
+from ..envs.weeding.process import dose
 from ..envs.weeding.rules import CROP_KIND, MODES, PAD
-from ..envs.weeding.tool import approach, dose
+from ..envs.weeding.timing import approach
 
 
 def tended(core: Any, urgency: float) -> tuple[float, float]:

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..envs.weeding.process import dose
 from ..envs.weeding.rules import CROP_KIND, MODES
-from ..envs.weeding.tool import dose
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.compiled import compiled
-from ..envs.weeding.tool import approach, move_time, ready
+from ..envs.weeding.timing import approach, move_time, ready
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

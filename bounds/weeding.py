@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.weeding.rules import TIME
-from ..envs.weeding.tool import move_time
+from ..envs.weeding.timing import move_time
 from .base import METHODS, REPORTS, Bound, state_of
 from .shots import STRAY_M, Shots, any_shots, drawn_shots
 from .strip import Strip, build, shortest_moves

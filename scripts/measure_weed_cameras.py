@@ -1,6 +1,6 @@
 """Measure the weeder's cameras on rendered pictures and fit the statistical perception to them.
 
-Writes the fit to ``assets/perception/weeding.json``; see ``fieldgym.envs.weeding.calibration``. With ``--compare`` it
+Writes the fit to ``assets/perception/weeding.json``; see ``fieldgym.envs.weeding.tools.laser.calibration``. With ``--compare`` it
 then plays whole episodes on other seeds with the cameras, with the fit and with perfect perception, side by side.
 
 Run: ``python scripts/measure_weed_cameras.py [--write] [--compare SEEDS [--policy edf ...]]``.
@@ -19,8 +19,9 @@ import gymnasium as gym
 import numpy as np
 
 from fieldgym.agents import act_single, make_policy
-from fieldgym.envs.weeding.calibration import STRIPS, fit, measure, summary
-from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel
+from fieldgym.envs.weeding.config import SCENARIOS
+from fieldgym.envs.weeding.perception import PerceptionModel
+from fieldgym.envs.weeding.tools.laser.calibration import STRIPS, fit, measure, summary
 from fieldgym.envs.weeding.view import FRAME_EVERY_M
 
 FIRST_COMPARED = 950_000

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels.config import Config, nested, num
 from ..mechanisms import ThreeUPSRPU
 from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
 
@@ -32,40 +33,22 @@ _CYLINDER_M = 0.36
 
 
 @dataclass(frozen=True)
-class WeederParameters:
-    """Everything that the weeder's physics depends on; masses, forces and rates are assumed.
+class WeederParameters(Config):
+    """Everything that the weeder's physics depends on; masses, forces and rates are assumed."""
 
-    Attributes:
-        mechanism: the platform's geometry (published radii, synthesised layout).
-        base_height_m: mechanism's base over the ground.
-        platform_mass_kg: platform with laser head, its optics and the tool camera.
-        cylinder_mass_kg: upper part of a leg.
-        rod_mass_kg: lower part of a leg.
-        leg_force_limit_n: each of the four actuators.
-        cart_mass_kg: frame, wheels, laser source, cooler and batteries.
-        cart_force_limit_n: thrust of the wheel drives.
-        camera_ahead_m: front camera in front of the mechanism, only for the looks.
-        camera_height_m: its height over the ground, only for the looks.
-        physics_hz: simulation steps a second.
-    """
-
-    mechanism: ThreeUPSRPU = field(default_factory=ThreeUPSRPU.weeder)
-    base_height_m: float = 1.45
-    platform_mass_kg: float = 5.0
-    cylinder_mass_kg: float = 1.5
-    rod_mass_kg: float = 0.6
-    leg_force_limit_n: float = 600.0
-    cart_mass_kg: float = 250.0
-    cart_force_limit_n: float = 1500.0
-    camera_ahead_m: float = 0.85
-    camera_height_m: float = 0.85
-    physics_hz: float = 240.0
-
-    def __post_init__(self) -> None:
-        """Check that every number is positive and finite."""
-        for name, value in vars(self).items():
-            if name != "mechanism" and not 0.0 < value < np.inf:
-                raise ValueError(f"{name} = {value}: give a positive, finite number")
+    mechanism: ThreeUPSRPU = nested(
+        ThreeUPSRPU.weeder, "The platform's geometry (published radii, synthesised layout)."
+    )
+    base_height_m: float = num(1.45, 0.2, 5.0, "m", "Mechanism's base over the ground.")
+    platform_mass_kg: float = num(5.0, 0.01, 500.0, "kg", "Platform with laser head, its optics and the tool camera.")
+    cylinder_mass_kg: float = num(1.5, 0.01, 100.0, "kg", "Upper part of a leg.")
+    rod_mass_kg: float = num(0.6, 0.01, 100.0, "kg", "Lower part of a leg.")
+    leg_force_limit_n: float = num(600.0, 1.0, 1e5, "N", "Each of the four actuators.")
+    cart_mass_kg: float = num(250.0, 1.0, 10_000.0, "kg", "Frame, wheels, laser source, cooler and batteries.")
+    cart_force_limit_n: float = num(1500.0, 1.0, 1e6, "N", "Thrust of the wheel drives.")
+    camera_ahead_m: float = num(0.85, 0.0, 5.0, "m", "Front camera in front of the mechanism, only for the looks.")
+    camera_height_m: float = num(0.85, 0.05, 5.0, "m", "Its height over the ground, only for the looks.")
+    physics_hz: float = num(240.0, 30.0, 100_000.0, "1/s", "Simulation steps a second.")
 
 
 def weeder_robot(parameters: WeederParameters) -> Robot:

@@ -11,11 +11,13 @@ from fieldgym import bounds
 from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.bounds import shots, strip, timeline, weeding
-from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel, WeedingConfig
+from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.core import WeederOutcome, WeedingCore
-from fieldgym.envs.weeding.env import laser_core
-from fieldgym.envs.weeding.tool import approach, move_time
+from fieldgym.envs.weeding.perception import PerceptionModel
+from fieldgym.envs.weeding.timing import approach, move_time
 from fieldgym.envs.weeding.tools.laser.aim import LaserArm, LaserReach
+from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
+from fieldgym.envs.weeding.tools.laser.env import laser_core
 
 LASER, SPEED, HOE = (f"fieldgym/{name}-v0" for name in ("LaserWeeding", "LaserWeedingSpeed", "HoeWeeding"))
 EXACT = 1e-9

@@ -13,17 +13,21 @@ from hypothesis import strategies as st
 import fieldgym  # noqa: F401
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.envs.core import NominalExecutor
-from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel
+from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.core import WeedingCore
 from fieldgym.envs.weeding.field import PAD
+from fieldgym.envs.weeding.perception import PerceptionModel
+from fieldgym.envs.weeding.process import dose
 from fieldgym.envs.weeding.rules import NOTHING, WAIT
-from fieldgym.envs.weeding.tool import approach, dose, move_time
-from fieldgym.envs.weeding.tools.hoe.config import HoeProcessConfig, HoeReach, HoeWeedingConfig, circle_s
+from fieldgym.envs.weeding.timing import approach, move_time
+from fieldgym.envs.weeding.tools.hoe.arm import HoeArm, HoeReach
+from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
 from fieldgym.envs.weeding.tools.hoe.machine import check_reach, hoe_parameters, poses, tip_way
 from fieldgym.envs.weeding.tools.hoe.process import (
-    HoeArm,
     HoeProcess,
+    HoeProcessConfig,
     Stir,
+    circle_s,
     covered_share,
     crop_loss,
     depth50_m,

@@ -7,8 +7,8 @@ import pytest
 
 from fieldgym.agents import act_single
 from fieldgym.agents.policies.weeding import EarliestDeadline
-from fieldgym.envs.weeding.env import LaserWeedingEnv
 from fieldgym.envs.weeding.tools.laser.aim import LaserReach, poses
+from fieldgym.envs.weeding.tools.laser.env import LaserWeedingEnv
 from fieldgym.motion import QUINTIC
 from fieldgym.simulation.weeder import WeederMachine
 from fieldgym.simulation.weeder_model import WeederParameters

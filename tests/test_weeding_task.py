@@ -12,14 +12,25 @@ from hypothesis import strategies as st
 import fieldgym  # noqa: F401
 from fieldgym.agents import make_policy
 from fieldgym.envs.core import NominalExecutor
-from fieldgym.envs.weeding.config import SCENARIOS, PerceptionModel, ProcessConfig, WeedingConfig
-from fieldgym.envs.weeding.env import laser_core
+from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.field import PAD, draw_blocks, draw_plants, random_numbers
-from fieldgym.envs.weeding.rules import NOTHING, WAIT, move_up_rows, way_of, ways_of
-from fieldgym.envs.weeding.tool import approach, dose, move_time
-from fieldgym.envs.weeding.tools.laser.aim import LaserArm, LaserReach, dwell_table, poses, spot
+from fieldgym.envs.weeding.perception import PerceptionModel
+from fieldgym.envs.weeding.process import dose
+from fieldgym.envs.weeding.rules import NOTHING, WAIT, move_up_rows
+from fieldgym.envs.weeding.timing import approach, move_time, way_of, ways_of
+from fieldgym.envs.weeding.tools.laser.aim import LaserArm, LaserReach, poses, spot
+from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
+from fieldgym.envs.weeding.tools.laser.env import laser_core
 from fieldgym.envs.weeding.tools.laser.machine import check_reach
-from fieldgym.envs.weeding.tools.laser.process import Burn, ed50_j, kill_probability, label_dose, overlap, tolerance_j
+from fieldgym.envs.weeding.tools.laser.process import (
+    Burn,
+    ProcessConfig,
+    ed50_j,
+    kill_probability,
+    label_dose,
+    overlap,
+    tolerance_j,
+)
 from fieldgym.motion import QUINTIC
 
 REACH = LaserReach()
@@ -207,12 +218,6 @@ def test_move_times_are_the_quintic_under_its_limits():
         float(QUINTIC.duration(0.2, REACH.lean_velocity_m_s, REACH.lean_acceleration_m_s2)),
     )
     assert move_time(ARM, *stroke.tolist()) == pytest.approx(by_hand)
-
-
-def test_dwell_table_by_hand():
-    slow, fast = dwell_table(REACH, [0.1, 0.3])
-    assert (slow.residence_s, slow.longest_s) == pytest.approx((7.0, 3.0))
-    assert (fast.residence_s, fast.longest_s) == pytest.approx((0.7 / 0.3, 1.0))
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import fieldgym  # noqa: F401
-from fieldgym.envs.weeding.calibration import MATCH_M, factors, kept, match
-from fieldgym.envs.weeding.config import SCENARIOS, CartConfig, PerceptionModel, WeedingConfig
+from fieldgym.envs.weeding.config import SCENARIOS, CartConfig
 from fieldgym.envs.weeding.field import (
     FAR_M,
     draw_blocks,
@@ -20,9 +19,12 @@ from fieldgym.envs.weeding.field import (
     track_capacity,
     track_chance,
 )
-from fieldgym.envs.weeding.scene import WeederScene
+from fieldgym.envs.weeding.perception import PerceptionModel
+from fieldgym.envs.weeding.tools.laser.calibration import MATCH_M, factors, kept, match
+from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.machine import weeder_parameters
-from fieldgym.envs.weeding.view import TOOL_SETTINGS
+from fieldgym.envs.weeding.tools.laser.scene import WeederScene
+from fieldgym.envs.weeding.tools.laser.view import TOOL_SETTINGS
 from fieldgym.perception.weeds import detect
 
 SCENARIO = SCENARIOS["load-1.0"]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...envs.compiled import bind, compiled
 from ...envs.weeding.features import ACROSS_SCALE_M, ALONG_SCALE_M, CANDIDATE_FEATURES, MACHINE_FEATURES, SPEED_SCALE
-from ...envs.weeding.tool import approach, move_time
+from ...envs.weeding.timing import approach, move_time
 from .base import Actions, Observation
 from .search import NOTHING, Step, search
 from .weeding import AtSpeed, HoldBacklog, ScriptedWeeder

@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.weeding.config import SPECIES, STAGES, WeedingConfig
+from ...envs.weeding.config import SPECIES, STAGES
+from ...envs.weeding.tools.hoe.arm import HoeArm
 from ...envs.weeding.tools.hoe.config import HoeWeedingConfig
-from ...envs.weeding.tools.hoe.process import HoeArm, HoeProcess, crop_loss, label_mode, uproot_table
+from ...envs.weeding.tools.hoe.process import HoeProcess, crop_loss, label_mode, uproot_table
 from ...envs.weeding.tools.laser.aim import LaserArm
+from ...envs.weeding.tools.laser.config import WeedingConfig
 from ...envs.weeding.tools.laser.process import LaserProcess, chance_table, label_dose
 
 Array = NDArray[np.float64]
@@ -22,7 +24,7 @@ class Outlook(NamedTuple):
     """A tool as policies see it; M modes.
 
     Attributes:
-        arm: numbers of its arm, for ``envs.weeding.tool``.
+        arm: numbers of its arm, for ``envs.weeding.timing``.
         lean_share: share of a plant's way from the machine's middle that the arm would lean, on average.
         work_s: (M,), seconds on a plant.
         energy_j: (M,).

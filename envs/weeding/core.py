@@ -10,9 +10,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..core import COMMON_SCORES, Array, Rows, StepResult, TaskCore
-from .config import FieldTask, PerceptionModel
+from .config import FieldTask
 from .features import CANDIDATE_FEATURES, MACHINE_FEATURES, track_features
 from .field import FAR_M, PAD, crop_index, draw_blocks, draw_plants, draw_tracks, random_numbers, track_capacity
+from .perception import PerceptionModel
+from .process import WeedingProcess
 from .rules import (
     BLOCKS,
     CROP_KIND,
@@ -28,7 +30,7 @@ from .rules import (
     plan_worlds,
 )
 from .showing import observe_worlds, score_worlds
-from .tool import WeedingProcess, ready
+from .timing import ready
 
 REAL_M = 0.02
 """A camera's track has a weed behind it when one stands this near to where it is shot at."""
@@ -49,7 +51,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
 
     Args:
         config: the task's numbers.
-        machine: numbers of the tool's arm (see ``tool.Arm``).
+        machine: numbers of the tool's arm (see ``timing.Arm``).
         process: what the tool does to plants.
         perception: statistical cameras, or None when tracks come from outside through ``receive``.
         worlds: number of worlds B.

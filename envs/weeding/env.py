@@ -1,56 +1,12 @@
-"""The Gymnasium environments of the laser weeder, and what all weeders share."""
+"""What the Gymnasium environments of all weeders share."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ..assembly import Assembly
 from ..single import TaskEnv
-from ..vector import TaskVectorEnv
-from .config import SCENARIOS, PerceptionModel, WeedingConfig
-from .core import WeederOutcome, WeedingCore
+from .core import WeederOutcome
 from .rules import WeederPlan
-from .tools.laser.aim import LaserArm
-from .tools.laser.process import LaserProcess
-
-if TYPE_CHECKING:
-    from .tools.laser.machine import PyBulletWeeder
-    from .view import WeederView
-
-# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
-
-
-def laser_core(config: WeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
-    """The weeding rules with the laser as their tool."""
-    arm = LaserArm.of(config.reach, config.cart.early_s)
-    return WeedingCore(config, arm, LaserProcess(config.process), perception, worlds)
-
-
-def _machine(core: WeedingCore) -> PyBulletWeeder:
-    from .tools.laser.machine import PyBulletWeeder
-
-    return PyBulletWeeder(core, core.config)
-
-
-def _view(core: WeedingCore, window: bool) -> WeederView:
-    from .view import WeederView
-
-    return WeederView(core, core.config, window)
-
-
-LASER: Assembly[Any] = Assembly(
-    config=WeedingConfig,
-    scenarios=SCENARIOS,
-    core=laser_core,
-    perfect=lambda config: PerceptionModel.perfect(),
-    measured=lambda config: PerceptionModel.measured(),
-    machine=_machine,
-    view=_view,
-    settings={"slots": "slots"},
-    fixed={"speed_control": False},
-)
 
 
 class WeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
@@ -67,89 +23,3 @@ class WeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
             assert hasattr(view, "attend")
             view.attend(self._checked(action))  # type: ignore[attr-defined]
         return super().step(action)
-
-
-class LaserWeedingEnv(WeedingEnv):
-    """Burn weeds from a cart that never stops (``fieldgym/LaserWeeding-v0``).
-
-    A cart drives along a crop row at a constant speed. A front camera finds plants, tracks carry them to the tool; a
-    3UPS-RPU platform (Wang et al.) under the cart aims a laser, follows the weed while the beam burns, and a camera
-    beside the laser corrects the aim before every shot. Time passes with every decision: weeds come into the window
-    at its front edge and leave it at the rear. The episode is a strip of field; it ends when the strip has passed.
-
-    **Action**, ``Discrete(3 K + 1)``: ``slot * 3 + dose`` with dose 0 low (30 J), 1 normal (75 J), 2 high (200 J) fires
-    at a candidate; ``3 K`` waits a moment (0.1 s). Slots are in the order in which their weeds leave the window. What
-    cannot be followed for the whole burn is masked; a weed that is up to 0.4 s in front of the window may be chosen,
-    the beam then waits for it. An illegal action does nothing, costs 0.25 s and is counted.
-
-    **Observation**, a ``Dict`` of float32 boxes scaled to order one:
-
-    - ``machine`` (7,): ``place`` of the platform before the cart's middle / 0.15 m, ``lean_along`` and ``lean_across``
-      of the beam / 0.2 m, ``speed`` and ``set_speed`` of the cart / 0.1 m/s, ``progress`` of the cart / strip,
-      ``backlog`` candidates / K.
-    - ``candidates`` (K x 11,), a table (``candidate_table`` gives it its two axes), empty rows zero: ``present``,
-      ``along`` report minus cart / 0.3 m, ``across`` / 0.2 m, ``leaves`` seconds until it leaves the window / 4 s,
-      ``move`` seconds to get there / 0.5 s, ``wait`` seconds until it is within the window then / 0.5 s (normal dose),
-      ``grass`` reported species, one-hot reported stage (cotyledon, two-leaf, four-leaf), ``crop_gap`` reported
-      distance to the nearest crop plant / 0.05 m, at most 4.
-    - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
-
-    **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed``, ``crop`` (-5 a crop plant that dies), ``time``
-    (-0.05 a second), ``energy`` (-0.0005 a joule).
-
-    **Score**: ``info["scorecard"]``: ``net_rate`` = killed / all true weeds of the band, ``cycle_time_s`` = time until
-    the last shot / shots, ``crop_loss_percent``, ``weeds_per_s``, ``joules_per_weed``, ``ha_per_h``, phases.
-
-    Args:
-        scenario: tiers by offered load: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` (40 weeds per
-            m2, clumped), ``"load-1.0-even"``, ``"load-1.6-even"``, ``"dense"`` (100 per m2 at load 1).
-        backend: ``"pybullet"`` drives the closed-loop machine on a moving cart, ``"analytic"`` computes its motion.
-        perception: ``"camera"`` renders and segments images of both cameras, ``"model"`` draws from statistics measured
-            on such images, ``"perfect"`` reports every weed where it is. Default: camera with PyBullet, model with the
-            analytic backend.
-        slots: candidates K shown at once.
-        config: every number of the task; ``scenario`` and ``slots`` replace its own.
-        render_mode: ``"rgb_array"``, ``"human"`` or None.
-
-    Raises:
-        ValueError: an argument is unknown or out of range; the message says what is allowed.
-    """
-
-    assembly = LASER
-
-
-class LaserWeedingSpeedEnv(LaserWeedingEnv):
-    """``fieldgym/LaserWeeding-v0`` with the cart's speed in the action (``fieldgym/LaserWeedingSpeed-v0``).
-
-    **Action**, ``Discrete(3 (3 K + 1))``: three blocks of the actions of ``fieldgym/LaserWeeding-v0``: the first holds
-    the commanded speed, the second lowers it by a notch of 0.02 m/s while acting, the third raises it. Speeds stay
-    within 0.03 ... 0.27 m/s; the cart takes 0.3 m/s2. The strip begins at the scenario's constant speed. A change of
-    speed may carry a follow beyond the range that the mask has checked by up to the platform's reserve.
-
-    Everything else is as there; the strip takes as long as the cart needs, at most ``time_factor`` times the driving
-    time at the scenario's speed.
-    """
-
-    assembly = replace(LASER, fixed={"speed_control": True})
-
-
-class LaserWeedingVectorEnv(TaskVectorEnv[WeederPlan, WeederOutcome]):
-    """``num_envs`` worlds of ``fieldgym/LaserWeeding-v0`` in one batch, with the analytic backend."""
-
-    assembly = LASER
-
-
-class LaserWeedingSpeedVectorEnv(LaserWeedingVectorEnv):
-    """``num_envs`` worlds of ``fieldgym/LaserWeedingSpeed-v0`` in one batch, with the analytic backend."""
-
-    assembly = LaserWeedingSpeedEnv.assembly
-
-
-@lru_cache(maxsize=1)
-def uncorrected(model: PerceptionModel) -> PerceptionModel:
-    """The model of the same cameras where none looks from beside the tool: it works where the tracks say."""
-
-    def blind(classes: tuple[tuple[tuple[float, ...], ...], ...]) -> tuple[tuple[tuple[float, ...], ...], ...]:
-        return tuple(tuple((*row[:4], 0.0, *row[5:]) for row in rows) for rows in classes)
-
-    return replace(model, sightings=blind(model.sightings), false_sightings=blind(model.false_sightings))

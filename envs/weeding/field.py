@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..core import Array
-from .config import CartConfig, PerceptionModel, ScenarioConfig, SightingTable
+from .config import CartConfig, ScenarioConfig
+from .perception import PerceptionModel, SightingTable
 
 PAD = 2
 """Empty places before and after the weeds of a world, so that a weed's neighbours always exist."""

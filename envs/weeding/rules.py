@@ -1,6 +1,6 @@
 """The rules of weeding from a moving cart, one world after the other, as machine code, for any tool.
 
-``task`` prepares what the kernels work on; ``tool`` says what they ask of the tool.
+``core`` prepares what the kernels work on; ``timing`` and ``process`` say what they ask of the tool.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..compiled import compiled
 from ..core import Array, StepResult
 from .field import PAD
-from .tool import Approach, approach, dose, move_time, ready
+from .process import dose
+from .timing import Approach, approach, move_time, ready, way_of
 
 MODES = 3
 WAIT, NOTHING = MODES, MODES + 1
@@ -97,7 +98,7 @@ class Worlds(NamedTuple):
         cart: (B,), metres along the row.
         speed: (B,), m/s.
         set_speed: (B,), the commanded one.
-        place: (B, 3), where the arm stands; see ``tool``.
+        place: (B, 3), where the arm stands; see ``timing``.
         totals: (B, TOTALS).
         phases_s: (B, phases), seconds so far.
     """
@@ -149,27 +150,6 @@ class WeederPlan(NamedTuple):
     cart: Array
     speed: Array
     phases_s: Array
-
-
-@compiled
-def way_of(before: float, after: float, acceleration: float, time_s: float) -> tuple[float, float]:
-    """Way and speed of a cart after ``time_s`` in which it goes from one speed to another at a steady rate."""
-    if before == after:
-        return after * time_s, after
-    ramp_s = abs(after - before) / acceleration
-    short = min(time_s, ramp_s)
-    reached = before + (acceleration if after > before else -acceleration) * short
-    way = 0.5 * (before + reached) * short + after * (time_s - short)
-    return way, after if time_s >= ramp_s else reached
-
-
-@compiled
-def ways_of(before: float, after: float, acceleration: float, times_s: Array) -> Array:
-    """Ways (n,) of ``way_of`` at times (n,)."""
-    ways = np.empty(len(times_s))
-    for i in range(len(times_s)):
-        ways[i], _ = way_of(before, after, acceleration, times_s[i])
-    return ways
 
 
 @compiled

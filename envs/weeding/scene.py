@@ -1,14 +1,14 @@
-"""The weeders' world in a render client: soil, crop rows, weeds, the front camera; and the laser with its own."""
+"""The weeders' world in a render client: soil, crop rows, weeds, the front camera; tools add their machine."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ...perception.frames import Camera, Frame
 from ...simulation.camera import below_ground, look
-from ...simulation.client import PhysicsClient, pybullet
+from ...simulation.client import PhysicsClient
 from ...simulation.meshes import (
     Mesh,
     Pool,
@@ -19,13 +19,10 @@ from ...simulation.meshes import (
     rotation_z,
     surface_of_revolution,
     turned,
-    upright_to,
     yaw,
 )
-from ...simulation.weeder import WeederMachine
-from ...simulation.weeder_model import WeederParameters
 from ..core import Array
-from .config import FieldTask, WeedingConfig
+from .config import FieldTask
 
 Quaternion = tuple[float, float, float, float]
 Rgba = tuple[float, float, float, float]
@@ -39,11 +36,9 @@ WEED_GREEN, GRASS_GREEN, BEET, MAIZE = (
     (0.30, 0.55, 0.18, 1.0),
 )
 SCORCHED = (0.07, 0.05, 0.04, 1.0)
-FRONT_SIGHT, TOOL_SIGHT = (0.98, 0.80, 0.25, 1.0), (0.45, 0.80, 0.98, 1.0)
+FRONT_SIGHT = (0.98, 0.80, 0.25, 1.0)
 _BEHIND_M, _AHEAD_M, _REPLANT_M = 1.0, 1.3, 0.25
 _SENSOR_NOISE = 4.0
-_TOOL_HALF_M = 0.05
-"""What the camera beside the laser sees to either side of its target."""
 _SHADE = 0.55
 
 
@@ -104,6 +99,7 @@ class FieldScene:
     """Draws one strip. Bodies are made once; another strip only moves them. Tools add their machine.
 
     Attributes:
+        client: the world that it draws in.
         front: the camera in front of the cart.
     """
 
@@ -118,7 +114,7 @@ class FieldScene:
     def __init__(self, config: FieldTask, camera_height_m: float, physics_hz: float, *, window: bool = False):
         """Make the client and the pools."""
         self.config = config
-        self._client = PhysicsClient(physics_hz, gui=window)
+        self.client = PhysicsClient(physics_hz, gui=window)
         self._eye_m = camera_height_m
         self.front = Camera(400, 320, 2.0 * np.arctan(0.5 * config.cart.camera_view_m / camera_height_m), 0.10, 2.0)
         self._pools = self._make_pools()
@@ -156,13 +152,13 @@ class FieldScene:
 
     def look_front(self, cart_m: float) -> Frame:
         """What the front camera sees, straight down; the top of the picture is ahead."""
-        self._plant(cart_m)
+        self.plant_around(cart_m)
         eye = np.array([cart_m + self.config.cart.camera_ahead_m, 0.0, self._eye_m])
-        return self._look_down(self.front, eye, eye - np.array([0.0, 0.0, 1.0]))
+        return self.look_down(self.front, eye, eye - np.array([0.0, 0.0, 1.0]))
 
     def render(self, width: int = 720, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of machine and field from beside the row."""
-        self._plant(self._cart_m)
+        self.plant_around(self._cart_m)
         for pool in self._pools.values():
             pool.show(np.ones(len(pool.places), dtype=bool))
         middle = np.array([self._cart_m + 0.02, 0.0, self.side_middle_m])
@@ -176,7 +172,7 @@ class FieldScene:
         return self._show(Camera(width, height, np.deg2rad(40.0), 0.05, 3.0), eye, middle)
 
     def _show(self, camera: Camera, eye: Array, middle: Array) -> NDArray[np.uint8]:
-        frame = look(camera, self._client, eye, middle, np.array([0.0, 0.0, 1.0]), shadows=True)
+        frame = look(camera, self.client, eye, middle, np.array([0.0, 0.0, 1.0]), shadows=True)
         empty = frame.depth_m > 0.99 * camera.far_m
         sky = np.linspace((176, 205, 232), (236, 241, 243), camera.height).astype(np.uint8)
         return np.where(empty[..., None], sky[:, None], frame.rgb)
@@ -190,15 +186,16 @@ class FieldScene:
         if self._front_frustum is None:
             half = self._eye_m * np.tan(0.5 * self.front.field_of_view_rad)
             sides = half, half * self.front.width / self.front.height
-            self._front_frustum = Pool(self._client, frustum(sides, self._eye_m - 0.004), FRONT_SIGHT, 1)
+            self._front_frustum = Pool(self.client, frustum(sides, self._eye_m - 0.004), FRONT_SIGHT, 1)
         self._front_frustum.clear()
         self._front_frustum.place((cart_m + self.config.cart.camera_ahead_m, 0.0, self._eye_m))
 
     def close(self) -> None:
         """Close the client; idempotent."""
-        self._client.close()
+        self.client.close()
 
-    def _look_down(self, camera: Camera, eye: Array, target: Array) -> Frame:
+    def look_down(self, camera: Camera, eye: Array, target: Array) -> Frame:
+        """What a camera over the ground sees from ``eye`` (3,) towards ``target`` (3,), its noise included."""
         up = np.array([1.0, 0.0, 0.0])
         # One look for all pools: a dozen small ones would take a quarter of the picture's time.
         pools = list(self._pools.values())
@@ -211,7 +208,7 @@ class FieldScene:
             pool.show(visible)
         # The ground is flat and of one colour: painting it takes a third of the time that drawing it does.
         self._pools["ground"].show(np.zeros(1, bool))
-        frame = look(camera, self._client, eye, target, up)
+        frame = look(camera, self.client, eye, target, up)
         soil = np.tile(self._soil, (camera.height, camera.width, 1))
         covered = np.asarray(cv2.copyTo(soil, below_ground(frame).view(np.uint8), frame.rgb), np.uint8)
         return frame._replace(rgb=self._sensor(covered, eye))
@@ -220,7 +217,7 @@ class FieldScene:
         """Colour (3,) of lit ground; to be asked before anything else stands in the world."""
         self._pools["ground"].place((0.0, 0.0, -0.01))
         above, ahead = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
-        picture = look(Camera(9, 9), self._client, above, np.zeros(3), ahead).rgb
+        picture = look(Camera(9, 9), self.client, above, np.zeros(3), ahead).rgb
         self._pools["ground"].clear()
         return picture[4, 4]
 
@@ -236,7 +233,7 @@ class FieldScene:
         return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0.0, out=picture)), np.uint8)
 
     def _make_pools(self) -> dict[str, Pool]:
-        client = self._client
+        client = self.client
         pools = {
             f"weed{species}{stage}": Pool(client, weed_mesh(species, stage), (WEED_GREEN, GRASS_GREEN)[species], 70)
             for species in (0, 1)
@@ -254,7 +251,7 @@ class FieldScene:
         pools["mark"] = Pool(client, mark, self.mark_colour, 80)
         return pools
 
-    def _plant(self, middle_m: float) -> None:
+    def plant_around(self, middle_m: float) -> None:
         """Place what grows around ``middle_m``, if it has not been."""
         if abs(middle_m - self._planted_m) < _REPLANT_M:
             return
@@ -290,60 +287,6 @@ class FieldScene:
             for i in range(int(low / each_m), int(high / each_m)):
                 across = 0.62 * (2.0 * _scatter(i, 3 * self._strip + len(name)) - 1.0)
                 self._pools[name].place((each_m * i, across, 0.0), yaw(i))
-
-
-class WeederScene(FieldScene):
-    """The strip with the laser over it, its beam, and the camera beside the laser."""
-
-    # From within the frame, behind the laser: neither wheel nor leg stands before the row.
-    side_eye_m = (-0.98, -0.36, 0.42)
-    side_middle_m = 0.39
-    side_view_rad = np.deg2rad(60.0)
-
-    def __init__(
-        self, config: WeedingConfig, parameters: WeederParameters, *, window: bool = False, machine: bool = True
-    ):
-        """Make everything; the cameras' pictures come faster without the ``machine``."""
-        super().__init__(config, parameters.camera_height_m, parameters.physics_hz, window=window)
-        self._reach = config.reach
-        self._machine = WeederMachine(parameters, self._client) if machine else None
-        self.tool = Camera(240, 240, 2.0 * np.arctan(_TOOL_HALF_M / config.reach.gap_m), 0.30, 2.0)
-        half = (_TOOL_HALF_M, _TOOL_HALF_M)
-        self._tool_frustum = Pool(self._client, frustum(half, config.reach.gap_m, 0.002), TOOL_SIGHT, 1)
-        red = {"rgbaColor": [1.0, 0.05, 0.05, 0.55], "physicsClientId": self._client.id}
-        shape = pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=0.003, length=1.0, **red)
-        self._beam = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
-        glow = {"rgbaColor": [1.0, 0.85, 0.35, 1.0], "physicsClientId": self._client.id}
-        shape = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=0.0045, **glow)
-        self._spot = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self._client.id)
-
-    def set_machine(self, cart_m: float, pose: ArrayLike, beam_on: bool = False) -> None:
-        """Put the machine at a cart position and a pose of the mechanism, its beam on or off."""
-        if self._machine is None:
-            raise RuntimeError("this scene was made without its machine")
-        self._cart_m = cart_m
-        self._machine.place(cart_m, pose)
-        self.show_front_frustum(cart_m)
-        top = self._machine.platform_world()
-        foot = np.array([*self._machine.beam_world(0.0), 0.0])
-        ray = (foot - top) / np.linalg.norm(foot - top)
-        self._tool_frustum.clear()
-        self._tool_frustum.place(top, upright_to(-ray))
-        at = [0.0, 0.0, -20.0]
-        turn = [0.0, 0.0, 0.0, 1.0]
-        spot = at
-        if beam_on:
-            # The visible beam is 1 m long and begins under the laser head; what is below ground is hidden.
-            middle = top + 0.12 * ray + 0.5 * ray
-            at, spot = middle.tolist(), [*self._machine.beam_world(self._reach.target_height_m), 0.006]
-            turn = upright_to(ray).tolist()
-        pybullet.resetBasePositionAndOrientation(self._beam, at, turn, physicsClientId=self._client.id)
-        pybullet.resetBasePositionAndOrientation(self._spot, spot, turn, physicsClientId=self._client.id)
-
-    def look_tool(self, centre: Array, spot: Array) -> Frame:
-        """What the camera beside the laser sees from the platform's ``centre`` (3,) towards a place (2,)."""
-        self._plant(float(centre[0]))
-        return self._look_down(self.tool, centre, np.array([spot[0], spot[1], self._reach.target_height_m]))
 
 
 def _scatter(index: int, salt: int) -> float:

@@ -17,8 +17,8 @@ _RULES = {
 
 LASER_WEEDING = TaskSpec(
     id="fieldgym/LaserWeeding-v0",
-    entry_point="fieldgym.envs.weeding.env:LaserWeedingEnv",
-    vector_entry_point="fieldgym.envs.weeding.env:LaserWeedingVectorEnv",
+    entry_point="fieldgym.envs.weeding.tools.laser.env:LaserWeedingEnv",
+    vector_entry_point="fieldgym.envs.weeding.tools.laser.env:LaserWeedingVectorEnv",
     machine="3UPS-RPU laser platform on a cart that drives on, front camera and tool camera",
     paper=_WANG,
     decision="which weed next, with which dose, or wait",
@@ -31,8 +31,8 @@ LASER_WEEDING = TaskSpec(
 
 LASER_WEEDING_SPEED = TaskSpec(
     id="fieldgym/LaserWeedingSpeed-v0",
-    entry_point="fieldgym.envs.weeding.env:LaserWeedingSpeedEnv",
-    vector_entry_point="fieldgym.envs.weeding.env:LaserWeedingSpeedVectorEnv",
+    entry_point="fieldgym.envs.weeding.tools.laser.env:LaserWeedingSpeedEnv",
+    vector_entry_point="fieldgym.envs.weeding.tools.laser.env:LaserWeedingSpeedVectorEnv",
     machine="3UPS-RPU laser platform on a cart whose speed is chosen too",
     paper=_WANG,
     decision="which weed next, with which dose, or wait; and how fast to drive",

@@ -1,4 +1,4 @@
-"""The weeders' cameras at work: tracks for the rules, the laser's corrections of the aim, pictures for people."""
+"""The weeders' front camera at work: tracks for the rules, pictures for people; tools add their machine."""
 
 from __future__ import annotations
 
@@ -10,27 +10,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...perception.weeds import Seedlings, WeedSettings, WeedTracker, detect
+from ...perception.weeds import Seedlings, WeedTracker, detect
 from ..core import Array, StepResult
-from .config import WeedingConfig
 from .core import WeedingCore
 from .rules import WAIT, WeederPlan
-from .scene import FieldScene, WeederScene
-from .tools.laser.aim import poses
-from .tools.laser.machine import trajectory, weeder_parameters
+from .scene import FieldScene
 
 FRAME_EVERY_M = 0.06
 """The front camera takes a picture after this much way: six or seven of every weed."""
 DELAY_S = 0.15
 """From a picture to the use of what it showed [assumed, within the published 50-300 ms]."""
-TOOL_SETTINGS = WeedSettings(close_m=0.0012, whole=False)
-"""Of the detector behind the tool camera, whose view is not much larger than the largest weed."""
 SAME_M = 0.006
 """A track this near to where the tool has worked is of the same plant."""
 WHOLE_M = 0.03
 """Plants farther than this from the picture's edges are in the picture as a whole, most of them."""
-TOOL_GATE_M = 0.022
-"""The tool camera corrects to a plant within this distance of where it was told to look."""
 DRIFT_SHARE = 0.01
 """Standard deviation of the odometry's scale [published range 1-2 % of the distance]."""
 
@@ -85,11 +78,15 @@ Show = Callable[[SceneT], None]
 
 
 class FieldView(ABC, Generic[SceneT]):
-    """Scenes of one world of the rules; follows the rules' state by itself. Each tool adds its machine."""
+    """Scenes of one world of the rules; follows the rules' state by itself. Each tool adds its machine.
+
+    Attributes:
+        core: the rules.
+    """
 
     def __init__(self, core: WeedingCore, window: bool = False):
         """Build nothing yet: scenes come with the first look or picture."""
-        self._core, self._window = core, window
+        self.core, self._window = core, window
         self._eyes: SceneT | None = None
         self._stage: SceneT | None = None
         self._front: FrontCamera | None = None
@@ -113,7 +110,7 @@ class FieldView(ABC, Generic[SceneT]):
 
     def sense(self) -> None:
         """Take the pictures that are due and hand the rules all tracks that are known by now."""
-        core = self._core
+        core = self.core
         if self._new_episode() or self._front is None:
             eyes = self.camera_scene()
             self.show_strip(eyes)
@@ -140,21 +137,21 @@ class FieldView(ABC, Generic[SceneT]):
 
     def attend(self, action: int) -> int | None:
         """Note which plant an action works on; gives its track among the listed ones, None where it works on none."""
-        core = self._core
+        core = self.core
         option = action % core.base_actions
         if option == core.base_actions - 1 or not core.option_legal(0, option) or self._front is None:
             return None
         index = int(core.state.slot_track[0, option // 3])
         self._front.tracker.tracks[self._listed[index]].treated = True
-        self._treat_near(core.state.track_report[0, index])
+        self.treat_near(core.state.track_report[0, index])
         return index
 
-    def _treat_near(self, place: Array) -> None:
+    def treat_near(self, place: Array) -> None:
         """A plant that fell apart in the front camera's pictures has several tracks: one treatment is for them all."""
         if self._front is None:
             return
         n = len(self._listed)
-        same = np.hypot(*(self._core.state.track_report[0, :n] - place).T) <= SAME_M
+        same = np.hypot(*(self.core.state.track_report[0, :n] - place).T) <= SAME_M
         for i in np.flatnonzero(same).tolist():
             self._front.tracker.tracks[self._listed[i]].treated = True
 
@@ -186,7 +183,7 @@ class FieldView(ABC, Generic[SceneT]):
 
     def _draw(self, show: Show[SceneT], settled: bool = True) -> NDArray[np.uint8]:
         """A picture; plants that the present decision kills are still alive in it unless it is ``settled``."""
-        core = self._core
+        core = self.core
         if self._stage is None:
             self._stage = self.make_scene(machine=True)
             self._loaded = ()
@@ -216,7 +213,7 @@ class FieldView(ABC, Generic[SceneT]):
 
     def _gauge(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Write into a picture what has been killed and missed of what has passed."""
-        core = self._core
+        core = self.core
         names = dict(zip(core.score_names, core.scores()[0].tolist(), strict=True))
         killed = int(names["done"])
         passed = max(np.count_nonzero(core.plant_exists[0, : core.weeds_end] & self._behind()), killed)
@@ -229,7 +226,7 @@ class FieldView(ABC, Generic[SceneT]):
         return picture
 
     def _behind(self) -> NDArray[np.bool_]:
-        core = self._core
+        core = self.core
         gone = core.state.plant[0, : core.weeds_end, 0] < core.state.cart[0] - core.machine.front_m
         return gone | (core.state.plant_dose[0] >= core.state.plant_tolerance[0])[: core.weeds_end]
 
@@ -241,7 +238,7 @@ class FieldView(ABC, Generic[SceneT]):
 
     def show_strip(self, scene: FieldScene) -> None:
         """Load the rules' present strip into a scene."""
-        core, end = self._core, self._core.weeds_end
+        core, end = self.core, self.core.weeds_end
         exists = core.plant_exists[0, :end]
         scene.load(
             core.state.plant[0, :end][exists],
@@ -253,59 +250,7 @@ class FieldView(ABC, Generic[SceneT]):
         )
 
     def _identity(self) -> tuple[int, ...]:
-        return (int(1e9 * self._core.plant_look[0, -1]), int(self._core.state.weeds[0]))
+        return (int(1e9 * self.core.plant_look[0, -1]), int(self.core.state.weeds[0]))
 
     def _new_episode(self) -> bool:
-        return bool(self._core.state.totals[0, 0] == 0.0)
-
-
-class WeederView(FieldView[WeederScene]):
-    """The laser's strip, with the camera that corrects its aim."""
-
-    def __init__(self, core: WeedingCore, config: WeedingConfig, window: bool = False):
-        """Build nothing yet: scenes come with the first look or picture."""
-        super().__init__(core, window)
-        self._config = config
-
-    def make_scene(self, machine: bool) -> WeederScene:
-        """A scene for the cameras, or one for people with the machine in it."""
-        config = self._config
-        return WeederScene(config, weeder_parameters(config), window=machine and self._window, machine=machine)
-
-    def standing(self) -> Show[WeederScene]:
-        """The machine as it stands now, its beam off."""
-        state = self._core.state
-        return self._show(float(state.cart[0]), state.place[0], False)
-
-    def moving(self, plan: WeederPlan, phases_s: Array, time_s: Array) -> Iterator[Show[WeederScene]]:
-        """The machine at times (n,) of a decision; the beam is on while it burns."""
-        cart, beam = trajectory(self._config, plan, phases_s, time_s)
-        burns = (plan.kind[0] < WAIT) & (time_s >= float(phases_s[0].sum() - phases_s[0, 3]))
-        for x, coordinates, on in zip(cart.tolist(), beam, burns.tolist(), strict=True):
-            yield self._show(x, coordinates, on)
-
-    def attend(self, action: int) -> int | None:
-        """Have the tool camera look at the weed that an action fires at, and correct the rules' aim."""
-        index = super().attend(action)
-        if index is not None:
-            aim = self.tool_aim(self._core.state.track_report[0, index])
-            if aim is not None:
-                self._core.correct(0, index, aim)
-                self._treat_near(aim)
-        return index
-
-    def tool_aim(self, told: Array) -> Array | None:
-        """Where the tool camera sees the plant that it was sent to, (2,), or None."""
-        reach = self._config.reach
-        centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
-        frame = self.camera_scene().look_tool(centre, told)
-        found = detect(frame, settings=TOOL_SETTINGS)
-        if not len(found.position):
-            return None
-        gap = np.hypot(*(found.position - told).T)
-        nearest = int(gap.argmin())
-        return found.position[nearest] if gap[nearest] <= TOOL_GATE_M else None
-
-    def _show(self, cart_m: float, beam: Array, on: bool) -> Show[WeederScene]:
-        pose = poses(self._config.reach, beam[None], np.array([cart_m]))[0]
-        return lambda scene: scene.set_machine(cart_m, pose, on)
+        return bool(self.core.state.totals[0, 0] == 0.0)

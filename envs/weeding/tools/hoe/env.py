@@ -5,13 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ....assembly import Assembly, choice
+from ....task import resolved
 from ....vector import TaskVectorEnv
-from ...config import SCENARIOS, PerceptionModel
+from ...config import SCENARIOS
 from ...core import WeederOutcome, WeedingCore
-from ...env import LASER, WeedingEnv, uncorrected
+from ...env import WeedingEnv
+from ...perception import PerceptionModel, uncorrected
 from ...rules import WeederPlan
+from .arm import HoeArm
 from .config import HoeWeedingConfig
-from .process import HoeArm, HoeProcess
+from .process import HoeProcess
 
 if TYPE_CHECKING:
     from .machine import PyBulletHoe
@@ -49,7 +52,8 @@ HOE: Assembly[Any] = Assembly(
     settings={"slots": "slots"},
     fixed={"speed_control": False},
 )
-TOOLS = {"hoe": HOE, "laser": LASER}
+TOOLS: dict[str, Any] = {"hoe": HOE, "laser": "fieldgym.envs.weeding.tools.laser.env:LASER"}
+"""What the cart may carry: an ``Assembly``, or where it stands."""
 
 
 class HoeWeedingEnv(WeedingEnv):
@@ -105,7 +109,7 @@ class HoeWeedingEnv(WeedingEnv):
     def equipped(cls, settings: dict[str, Any]) -> tuple[Assembly[Any], dict[str, Any]]:
         """The parts of the tool that is asked for."""
         rest = dict(settings)
-        return TOOLS[choice("tool", rest.pop("tool", "hoe"), tuple(TOOLS))], rest
+        return resolved(TOOLS[choice("tool", rest.pop("tool", "hoe"), tuple(TOOLS))]), rest
 
 
 class HoeWeedingVectorEnv(TaskVectorEnv[WeederPlan, WeederOutcome]):

@@ -11,7 +11,9 @@ from .....simulation.prrs import PrrsMotionReport
 from ....core import Array, Rows
 from ...core import WeederOutcome, WeedingCore
 from ...rules import WAIT, WeederPlan
-from .config import HoeProcessConfig, HoeWeedingConfig
+from ...timing import whole_steps
+from .config import HoeWeedingConfig
+from .process import HoeProcessConfig
 
 _LOOK_EVERY = 6
 """Steps between two looks at the blade while it stirs: forty a second."""
@@ -43,12 +45,8 @@ class PyBulletHoe:
 
     def execute(self, plan: WeederPlan) -> WeederOutcome:
         """Drive the motion and say where the blade's circle really was, on average, while it stirred."""
-        phases = plan.phases_s.copy()
-        nominal_s = float(phases.sum())
         works = bool(plan.kind[0] < WAIT)
-        steps = max(int(np.ceil(nominal_s / self._dt - 1e-9)), 1)
-        # What is missing to a whole step is spent before the work: the blade waits over the plant.
-        phases[0, 1 if works else -1] += steps * self._dt - nominal_s
+        phases, steps = whole_steps(plan.phases_s, works, self._dt)
         time = self._dt * np.arange(steps + 1, dtype=np.float64)
         tip = tip_way(self._hoe, plan, phases, time)
         speed = float(plan.speed[0, 0])

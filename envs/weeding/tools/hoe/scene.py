@@ -28,7 +28,7 @@ class HoeScene(FieldScene):
     ):
         """Make everything; the camera's pictures come faster without the ``machine``."""
         super().__init__(config, parameters.camera_height_m, parameters.physics_hz, window=window)
-        self._machine = HoeMachine(parameters, self._client) if machine else None
+        self._machine = HoeMachine(parameters, self.client) if machine else None
 
     def set_machine(self, cart_m: float, pose: ArrayLike) -> None:
         """Put the machine at a cart position and a pose of the mechanism."""

@@ -29,7 +29,7 @@ class HoeView(FieldView[HoeScene]):
 
     def standing(self) -> Show[HoeScene]:
         """The machine as it stands now, its blade up."""
-        state = self._core.state
+        state = self.core.state
         along, _, across = state.place[0]
         return self._show(float(state.cart[0]), np.array([along, across, self._config.process.clearance_m]))
 

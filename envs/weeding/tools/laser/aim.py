@@ -28,51 +28,70 @@ slopes of opposite sign, so the largest minimum is where they are equal.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .....kernels.config import Config, num
 from .....motion import QUINTIC
 from ....compiled import compiled
 from ....core import Array
-from ...tool import Approach, Place, bind
+from ...timing import Approach, Place, bind
 
 
 @dataclass(frozen=True)
-class LaserReach:
-    """Ranges and limits of the aim; within them every pose respects every limit of ``ThreeUPSRPU.weeder()``."""
+class LaserReach(Config):
+    """Ranges and limits of the aim; within the defaults every pose respects every limit of ``ThreeUPSRPU.weeder()``."""
 
-    base_height_m: float = 1.45
-    """Mechanism's base over the ground [assumed]."""
-    gap_m: float = 0.85
-    """Platform's centre over the targets; the height fits the crop: Z = base height - target height - gap [assumed]."""
-    target_height_m: float = 0.02
-    """Height of the weeds' growing points over the ground [assumed]."""
-    travel_m: float = 0.15
-    """Range of X while following, +-; moves may overshoot it by up to 0.05 m [assumed, checked against the limits]."""
-    lean_m: float = 0.20
-    """Range of the beam's lean along, +-: beta within 13.3 deg [assumed, as above]."""
-    half_width_m: float = 0.20
-    """Range of the spot across, +-: alpha within 13.3 deg [assumed, as above]."""
-    travel_velocity_m_s: float = 1.0
-    travel_acceleration_m_s2: float = 10.0
-    """Limits of P over ground [assumed: belt or linear-motor actuators of 2 m/s and 20 m/s2]."""
-    lean_velocity_m_s: float = 2.0
-    lean_acceleration_m_s2: float = 18.0
-    """Limits of the lean along and across [assumed: 2.4 rad/s and 21 rad/s2 over the gap]."""
-    expected_move_s: float = 0.26
-    """Time of a move that the choice of the lean reckons with; the true one is used for everything else."""
+    base_height_m: float = num(1.45, 0.2, 5.0, "m", "Mechanism's base over the ground [assumed].")
+    gap_m: float = num(
+        0.85,
+        0.05,
+        5.0,
+        "m",
+        "Platform's centre over the targets; the height fits the crop: Z = base height - target height - gap "
+        "[assumed].",
+    )
+    target_height_m: float = num(0.02, 1e-4, 1.0, "m", "Height of the weeds' growing points over the ground [assumed].")
+    travel_m: float = num(
+        0.15,
+        0.005,
+        2.0,
+        "m",
+        "Range of X while following, +-; moves may overshoot it by up to 0.05 m [assumed, checked against the limits].",
+    )
+    lean_m: float = num(
+        0.20, 0.005, 2.0, "m", "Range of the beam's lean along, +-: beta within 13.3 deg [assumed, as above]."
+    )
+    half_width_m: float = num(
+        0.20, 0.005, 2.0, "m", "Range of the spot across, +-: alpha within 13.3 deg [assumed, as above]."
+    )
+    travel_velocity_m_s: float = num(
+        1.0, 0.01, 50.0, "m/s", "Limit of P over ground [assumed: belt or linear-motor actuators of 2 m/s]."
+    )
+    travel_acceleration_m_s2: float = num(
+        10.0, 0.1, 1000.0, "m/s2", "Limit of P over ground [assumed: belt or linear-motor actuators of 20 m/s2]."
+    )
+    lean_velocity_m_s: float = num(
+        2.0, 0.01, 50.0, "m/s", "Limit of the lean along and across [assumed: 2.4 rad/s over the gap]."
+    )
+    lean_acceleration_m_s2: float = num(
+        18.0, 0.1, 1000.0, "m/s2", "Limit of the lean along and across [assumed: 21 rad/s2 over the gap]."
+    )
+    expected_move_s: float = num(
+        0.26,
+        0.001,
+        10.0,
+        "s",
+        "Time of a move that the choice of the lean reckons with; the true one is used for everything else [assumed].",
+    )
 
-    def __post_init__(self) -> None:
-        """Check that all are positive and the platform hangs between base and ground."""
-        for name in (item.name for item in fields(self)):
-            value = getattr(self, name)
-            if not 0.0 < value < np.inf:
-                raise ValueError(f"LaserReach.{name} = {value}: give a positive, finite number")
+    def check(self) -> None:
+        """Hold the platform between base and ground."""
         if self.platform_z_m <= 0.0:
-            raise ValueError(f"gap_m = {self.gap_m} m leaves no room under a base at {self.base_height_m} m")
+            self.refuse("gap_m", f"it leaves no room under a base at {self.base_height_m} m")
 
     @property
     def paces(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -125,7 +144,7 @@ def spot(reach: LaserReach, pose: ArrayLike, cart_m: ArrayLike) -> Array:
 
 
 class LaserArm(NamedTuple):
-    """The platform with its laser in the shape that kernels take (see ``Arm``).
+    """The platform with its laser in the shape that kernels take (see ``timing.Arm``).
 
     A place is the platform over ground and the beam's lean along and across.
 
@@ -179,7 +198,7 @@ def move_time(arm: LaserArm, carrier_m: float, lean_m: float, across_m: float) -
 def approach(
     arm: LaserArm, stand_s: float, place: Place, cart_m: float, speed_m_s: float, along_m: float, across_m: float
 ) -> Approach:
-    """How the machine would fire at one target; see ``tool.approach`` and the choice of the lean above."""
+    """How the machine would fire at one target; see ``timing.approach`` and the choice of the lean above."""
     half = arm.travel_m - 0.5 * stand_s * speed_m_s
     share = arm.lean_m / (max(half, 0.0) + arm.lean_m)
     passed = speed_m_s * (arm.expected_move_s + 0.5 * stand_s)
@@ -200,21 +219,3 @@ def ready(arm: LaserArm, cart_m: float) -> tuple[float, float, float]:
 
 
 bind(LaserArm, approach, move_time, ready)
-
-
-class Dwell(NamedTuple):
-    """What a cart speed leaves for one weed."""
-
-    speed_m_s: float
-    residence_s: float
-    """Time that a weed is within the reachable window."""
-    longest_s: float
-    """Longest standing over one weed, limited by the platform's travel."""
-
-
-def dwell_table(reach: LaserReach, speeds_m_s: ArrayLike) -> list[Dwell]:
-    """Residence in the window and longest following at cart speeds; the window is 2 ``front_m`` long at any speed."""
-    return [
-        Dwell(float(v), 2.0 * reach.front_m / float(v), 2.0 * reach.travel_m / float(v))
-        for v in np.atleast_1d(np.asarray(speeds_m_s, dtype=np.float64))
-    ]

@@ -8,10 +8,11 @@ from .....motion import QUINTIC
 from .....simulation.weeder import WeederMachine, WeederReport
 from .....simulation.weeder_model import WeederParameters
 from ....core import Array, Rows
-from ...config import WeedingConfig
 from ...core import WeederOutcome, WeedingCore
-from ...rules import WAIT, WeederPlan, ways_of
+from ...rules import WAIT, WeederPlan
+from ...timing import ways_of, whole_steps
 from .aim import LaserReach, poses
+from .config import WeedingConfig
 
 _LOOK_EVERY = 6
 """Steps between two looks at the beam while it burns: forty a second."""
@@ -43,15 +44,11 @@ class PyBulletWeeder:
     def execute(self, plan: WeederPlan) -> WeederOutcome:
         """Drive the motion, follow for the time of the work, and say where the beam was while it burned."""
         config, dt = self._config, self._dt
-        phases = plan.phases_s.copy()
-        nominal_s = float(phases.sum())
-        steps = max(int(np.ceil(nominal_s / dt - 1e-9)), 1)
-        # What is missing to a whole step is spent before the work: the machine stands where it will work.
-        phases[0, 1 if plan.kind[0] < WAIT else -1] += steps * dt - nominal_s
+        works = bool(plan.kind[0] < WAIT)
+        phases, steps = whole_steps(plan.phases_s, works, dt)
         time = dt * np.arange(steps + 1, dtype=np.float64)
         cart, beam = trajectory(config, plan, phases, time)
         burning = np.zeros(steps + 1, bool)
-        works = bool(plan.kind[0] < WAIT)
         if works:
             first = round((steps * dt - float(phases[0, 3])) / dt) + 1
             burning[first::_LOOK_EVERY] = True

@@ -1,22 +1,102 @@
-"""What the laser does to plants: doses, overlap of spot and growing point, and what they can take. Pure functions."""
+"""What the laser does to plants: doses, overlap of spot and growing point, and what they can take."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ....compiled import compiled
+from .....kernels.config import Config, num
+from ....compiled import bind, compiled
 from ....core import Array
-from ...config import DOSES, STAGES, ProcessConfig
-from ...tool import bind
+from ...config import STAGES
+from ...process import LABEL_KILL
 
 EXPECTED_OVERLAP = 0.7
 """Share of a shot that reaches the growing point at an aim error of 1.5 mm an axis; for choosing doses only."""
-LABEL_KILL = 0.8
-"""A dose is recommended for a kind of weed when it is expected to kill this share."""
+
+DOSES = ("low", "normal", "high")
+
+
+@dataclass(frozen=True)
+class ProcessConfig(Config):
+    """Burning one weed: the beam, the doses, and what plants can take."""
+
+    power_w: float = num(
+        200.0,
+        1.0,
+        10_000.0,
+        "W",
+        "Optical power on the plant [assumed; CO2 class, so that the published doses take 0.15-1 s].",
+    )
+    dose_j: tuple[float, float, float] = num(
+        (30.0, 75.0, 200.0),
+        0.1,
+        10_000.0,
+        "J",
+        "Energy of the dose levels low, normal, high [assumed; they bracket the published 54 J and its stage factors].",
+    )
+    correct_s: float = num(
+        0.05,
+        0.0,
+        10.0,
+        "s",
+        "Tool camera image, correction of the aim and its small motion, before every shot [assumed].",
+    )
+    spot_radius_m: float = num(
+        0.003, 1e-4, 0.05, "m", "1/e2 radius of the Gaussian spot [assumed: 6 mm, the widest published spot]."
+    )
+    ed95_j: float = num(
+        54.0,
+        0.1,
+        10_000.0,
+        "J",
+        "Dose that kills 95 % of two-leaf broadleaves when centred [published: Marx et al. 2012, CO2 laser].",
+    )
+    slope: float = num(4.0, 0.1, 50.0, "", "Steepness of the logistic in ln(dose) [assumed].")
+    stage_factor: tuple[float, float, float] = num(
+        (0.4, 1.0, 3.0),
+        0.01,
+        100.0,
+        "",
+        "Dose at cotyledon, two-leaf and four-leaf stage relative to two-leaf [assumed; published trends].",
+    )
+    grass_factor: float = num(
+        1.75,
+        0.01,
+        100.0,
+        "",
+        "Dose of grasses relative to broadleaves [assumed, between 1.5 and 2; monocots need more: published].",
+    )
+    meristem_m: tuple[float, float, float] = num(
+        (0.0025, 0.0030, 0.0040),
+        1e-4,
+        0.05,
+        "m",
+        "Radius of the vulnerable middle (growing point and leaf bases) by stage; it widens the overlap [assumed].",
+    )
+    crop_ed50_j: float = num(
+        20.0,
+        0.1,
+        10_000.0,
+        "J",
+        "Dose on a crop plant's growing point that kills half of them [assumed: a two-leaf broadleaf takes 26 J].",
+    )
+    crop_slope: float = num(4.0, 0.1, 50.0, "", "Steepness for crop plants [assumed].")
+    crop_heart_m: float = num(0.006, 1e-4, 0.05, "m", "Radius of a crop plant's growing point [assumed].")
+
+    def check(self) -> None:
+        """Hold the doses to their order."""
+        if list(self.dose_j) != sorted(self.dose_j):
+            self.refuse("dose_j", "give ascending doses")
+
+    @property
+    def ed50_j(self) -> float:
+        """Dose that kills half of the two-leaf broadleaves: the logistic's 95 % point taken back to 50 %."""
+        return self.ed95_j * math.exp(-math.log(0.95 / 0.05) / self.slope)
 
 
 def ed50_j(process: ProcessConfig, species: ArrayLike, stage: ArrayLike) -> Array:

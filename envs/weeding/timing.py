@@ -1,9 +1,9 @@
-"""What the weeding rules ask of a tool; they know nothing else about it.
+"""How long things take on a weeder: the one time model of rules, planners, bounds and executors, for any tool.
 
-A tool is two sets of numbers, NamedTuples of plain floats and tuples: its *arm* and its *work* on plants. Four
-functions of them do the rest: ``approach``, ``move_time`` and ``ready`` of an arm, ``dose`` of a work. Each tool
-compiles its own and binds them to the types of its numbers with ``bind``; kernels that are handed these numbers then
-contain the tool's code. A tool's functions live in this folder: kept machine code is renewed when a file in it changes.
+A tool's machine is a set of numbers, its *arm*, a NamedTuple of plain floats and tuples. ``approach``, ``move_time``
+and ``ready`` are the arm's own: each tool compiles its own and binds them to the type of its numbers with ``bind``;
+kernels that are handed these numbers then contain the tool's code. How long the work itself takes does not depend on
+where it is done, see ``process``.
 
 An arm's *place* is three coordinates in which motions are rest to rest over ground: its carrier along the row (world
 metres), what the tool leans or reaches beyond it along the row, and the tool's place across. The tool works at
@@ -15,12 +15,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..compiled import bind, by_kind
+from ..compiled import bind, by_kind, compiled
 from ..core import Array
 
-__all__ = ["Approach", "Arm", "Place", "WeedingProcess", "Work", "approach", "bind", "dose", "move_time", "ready"]
+__all__ = ["Approach", "Arm", "Place", "approach", "bind", "move_time", "ready", "way_of", "ways_of", "whole_steps"]
 
 Place = tuple[float, float, float]
 """Carrier, lean and across, metres."""
@@ -65,47 +64,6 @@ class Arm(Protocol):
         ...
 
 
-class Work(Protocol):
-    """Numbers of a process that every tool's work on plants has."""
-
-    @property
-    def reach_m(self) -> float:
-        """Beyond this distance the work does nothing."""
-        ...
-
-
-class WeedingProcess(Protocol):
-    """What a tool does to plants. Doses add up; a plant dies when its sum reaches its tolerance."""
-
-    @property
-    def modes(self) -> tuple[str, str, str]:
-        """Names of the three modes."""
-        ...
-
-    @property
-    def phases(self) -> tuple[str, ...]:
-        """Names of the phases on the target."""
-        ...
-
-    @property
-    def work(self) -> Any:
-        """Numbers for ``dose``; see ``Work``."""
-        ...
-
-    work_s: Array
-    """Seconds (M, len(phases)) of each phase by mode."""
-    energy_j: Array
-    """Energy (M,) by mode."""
-
-    def tolerance(self, species: NDArray[np.int64], stage: NDArray[np.int64], luck: Array) -> Array:
-        """Dose (...) that kills each weed; ``luck`` is uniform in (0, 1)."""
-        ...
-
-    def crop_tolerance(self, luck: Array) -> Array:
-        """Dose (...) that kills each crop plant."""
-        ...
-
-
 @by_kind
 def approach(
     arm: Any, stand_s: float, place: Place, cart_m: float, speed_m_s: float, along_m: float, across_m: float
@@ -136,7 +94,33 @@ def ready(arm: Any, cart_m: float) -> tuple[float, float, float]:
     raise NotImplementedError
 
 
-@by_kind
-def dose(work: Any, mode: int, along_m: float, across_m: float, kind: int) -> float:
-    """Dose on a plant at an offset from the tool's work; its kind is a weed's stage, or 3 for a crop plant."""
-    raise NotImplementedError
+@compiled
+def way_of(before: float, after: float, acceleration: float, time_s: float) -> tuple[float, float]:
+    """Way and speed of a cart after ``time_s`` in which it goes from one speed to another at a steady rate."""
+    if before == after:
+        return after * time_s, after
+    ramp_s = abs(after - before) / acceleration
+    short = min(time_s, ramp_s)
+    reached = before + (acceleration if after > before else -acceleration) * short
+    way = 0.5 * (before + reached) * short + after * (time_s - short)
+    return way, after if time_s >= ramp_s else reached
+
+
+@compiled
+def ways_of(before: float, after: float, acceleration: float, times_s: Array) -> Array:
+    """Ways (n,) of ``way_of`` at times (n,)."""
+    ways = np.empty(len(times_s))
+    for i in range(len(times_s)):
+        ways[i], _ = way_of(before, after, acceleration, times_s[i])
+    return ways
+
+
+def whole_steps(phases_s: Array, works: bool, step_s: float) -> tuple[Array, int]:
+    """Phases (1, P) cut to whole steps of a simulation, and how many these are: up to one step longer than planned.
+
+    What is missing to a whole step is spent before the work, where the machine stands already, else at the end.
+    """
+    phases, nominal_s = phases_s.copy(), float(phases_s.sum())
+    steps = max(int(np.ceil(nominal_s / step_s - 1e-9)), 1)
+    phases[0, 1 if works else -1] += steps * step_s - nominal_s
+    return phases, steps

@@ -13,10 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .config import SCENARIOS, PerceptionModel, WeedingConfig
+from ...config import SCENARIOS
+from ...field import nearest_crop, nearest_weed, neighbourhood
+from ...perception import PerceptionModel
+from ...view import DELAY_S, DRIFT_SHARE, SAME_M, FrontCamera
+from .config import WeedingConfig
 from .env import laser_core
-from .field import nearest_crop, nearest_weed, neighbourhood
-from .view import DELAY_S, DRIFT_SHARE, SAME_M, FrontCamera, WeederView
+from .view import WeederView
 
 STRIPS = {"load-1.0": 8, "load-1.0-even": 3, "dense": 9}
 FIRST_SEED = 900_000

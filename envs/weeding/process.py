@@ -1,0 +1,65 @@
+"""What the weeding rules ask of a tool's work on plants; they know nothing else about it.
+
+The work is a set of numbers, a NamedTuple of plain floats and tuples; ``dose`` is a function of them that each tool
+compiles and binds to the type of its numbers (see ``timing``).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled import by_kind
+from ..core import Array
+
+LABEL_KILL = 0.8
+"""A mode is recommended for a kind of weed when it is expected to kill this share."""
+
+
+class Work(Protocol):
+    """Numbers of a process that every tool's work on plants has."""
+
+    @property
+    def reach_m(self) -> float:
+        """Beyond this distance the work does nothing."""
+        ...
+
+
+class WeedingProcess(Protocol):
+    """What a tool does to plants. Doses add up; a plant dies when its sum reaches its tolerance."""
+
+    @property
+    def modes(self) -> tuple[str, str, str]:
+        """Names of the three modes."""
+        ...
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """Names of the phases on the target."""
+        ...
+
+    @property
+    def work(self) -> Any:
+        """Numbers for ``dose``; see ``Work``."""
+        ...
+
+    work_s: Array
+    """Seconds (M, len(phases)) of each phase by mode."""
+    energy_j: Array
+    """Energy (M,) by mode."""
+
+    def tolerance(self, species: NDArray[np.int64], stage: NDArray[np.int64], luck: Array) -> Array:
+        """Dose (...) that kills each weed; ``luck`` is uniform in (0, 1)."""
+        ...
+
+    def crop_tolerance(self, luck: Array) -> Array:
+        """Dose (...) that kills each crop plant."""
+        ...
+
+
+@by_kind
+def dose(work: Any, mode: int, along_m: float, across_m: float, kind: int) -> float:
+    """Dose on a plant at an offset from the tool's work; its kind is a weed's stage, or 3 for a crop plant."""
+    raise NotImplementedError

@@ -1,0 +1,33 @@
+"""The weeding task with the laser: what all weeders share, its reach and its process."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .....kernels.config import nested
+from ...config import FieldTask
+from .aim import LaserReach
+from .process import ProcessConfig, label_dose
+
+
+@dataclass(frozen=True)
+class WeedingConfig(FieldTask):
+    """Everything that defines a weeding task with the laser."""
+
+    reach: LaserReach = nested(LaserReach, "Where the beam reaches and how fast the aim moves.")
+    process: ProcessConfig = nested(ProcessConfig, "What the beam does to plants.")
+
+    @property
+    def front_m(self) -> float:
+        """The window begins this far in front of the machine's middle; it ends as far behind it."""
+        return self.reach.front_m
+
+    @property
+    def half_width_m(self) -> float:
+        """Reach to either side."""
+        return self.reach.half_width_m
+
+    def label_work_s(self, species: int, stage: int) -> float:
+        """Seconds of the correction and of the dose that a kind calls for."""
+        process = self.process
+        return process.correct_s + process.dose_j[label_dose(process, species, stage)] / process.power_w

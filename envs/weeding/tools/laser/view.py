@@ -1,0 +1,74 @@
+"""The laser's strip as its cameras and people see it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from .....perception.weeds import WeedSettings, detect
+from ....core import Array
+from ...core import WeedingCore
+from ...rules import WAIT, WeederPlan
+from ...view import FieldView, Show
+from .aim import poses
+from .config import WeedingConfig
+from .machine import trajectory, weeder_parameters
+from .scene import WeederScene
+
+TOOL_SETTINGS = WeedSettings(close_m=0.0012, whole=False)
+"""Of the detector behind the tool camera, whose view is not much larger than the largest weed."""
+TOOL_GATE_M = 0.022
+"""The tool camera corrects to a plant within this distance of where it was told to look."""
+
+
+class WeederView(FieldView[WeederScene]):
+    """The laser's strip, with the camera that corrects its aim."""
+
+    def __init__(self, core: WeedingCore, config: WeedingConfig, window: bool = False):
+        """Build nothing yet: scenes come with the first look or picture."""
+        super().__init__(core, window)
+        self._config = config
+
+    def make_scene(self, machine: bool) -> WeederScene:
+        """A scene for the cameras, or one for people with the machine in it."""
+        config = self._config
+        return WeederScene(config, weeder_parameters(config), window=machine and self._window, machine=machine)
+
+    def standing(self) -> Show[WeederScene]:
+        """The machine as it stands now, its beam off."""
+        state = self.core.state
+        return self._show(float(state.cart[0]), state.place[0], False)
+
+    def moving(self, plan: WeederPlan, phases_s: Array, time_s: Array) -> Iterator[Show[WeederScene]]:
+        """The machine at times (n,) of a decision; the beam is on while it burns."""
+        cart, beam = trajectory(self._config, plan, phases_s, time_s)
+        burns = (plan.kind[0] < WAIT) & (time_s >= float(phases_s[0].sum() - phases_s[0, 3]))
+        for x, coordinates, on in zip(cart.tolist(), beam, burns.tolist(), strict=True):
+            yield self._show(x, coordinates, on)
+
+    def attend(self, action: int) -> int | None:
+        """Have the tool camera look at the weed that an action fires at, and correct the rules' aim."""
+        index = super().attend(action)
+        if index is not None:
+            aim = self.tool_aim(self.core.state.track_report[0, index])
+            if aim is not None:
+                self.core.correct(0, index, aim)
+                self.treat_near(aim)
+        return index
+
+    def tool_aim(self, told: Array) -> Array | None:
+        """Where the tool camera sees the plant that it was sent to, (2,), or None."""
+        reach = self._config.reach
+        centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
+        frame = self.camera_scene().look_tool(centre, told)
+        found = detect(frame, settings=TOOL_SETTINGS)
+        if not len(found.position):
+            return None
+        gap = np.hypot(*(found.position - told).T)
+        nearest = int(gap.argmin())
+        return found.position[nearest] if gap[nearest] <= TOOL_GATE_M else None
+
+    def _show(self, cart_m: float, beam: Array, on: bool) -> Show[WeederScene]:
+        pose = poses(self._config.reach, beam[None], np.array([cart_m]))[0]
+        return lambda scene: scene.set_machine(cart_m, pose, on)
