@@ -1,7 +1,8 @@
 """Measure the weeder's cameras on rendered pictures and fit the statistical perception to them.
 
 Writes the fit to ``assets/perception/weeding.json``; see ``fieldgym.envs.weeding.tools.laser.calibration``. With
-``--compare`` it then plays whole episodes on other seeds with the cameras, with the fit and with perfect perception, side by side.
+``--compare`` it then plays whole episodes on other seeds with the cameras, with the fit and with perfect perception,
+side by side.
 
 Run: ``python scripts/measure_weed_cameras.py [--write] [--compare SEEDS [--policy edf ...]]``.
 """
