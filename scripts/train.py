@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     from fieldgym.agents.learning.runs import Progress
 
 PLAIN_EVERY = 10
-"""Updates between two lines where nothing can be redrawn, as in a log file; a round is worth a line of its own."""
+"""Updates between two lines where nothing can be redrawn, as in a log file; a round of a task's own algorithm is worth
+a line of its own."""
 
 
 def main(
     env: Annotated[str, typer.Argument(metavar="ID", help="An environment; see fieldgym list.", show_default=False)],
     algo: Annotated[
-        str | None, typer.Option(help="maskable-ppo, ppo or policy-iteration; by default what is tuned.")
+        str | None, typer.Option(help="maskable-ppo, ppo, or one of the task's own; by default what is tuned.")
     ] = None,
     scenario: Annotated[str | None, typer.Option(help="By default the environment's headline scenario.")] = None,
     config: Annotated[Path | None, typer.Option(metavar="FILE", help="YAML with settings of your own.")] = None,
@@ -60,15 +61,13 @@ def main(
     """
     from rich.console import Console
 
-    from fieldgym.agents.learning.train_settings import ALGORITHMS, tuned
+    from fieldgym.agents.learning.train_settings import algorithms, tuned
     from fieldgym.envs import task
 
     env_id = environment_id(env)
     spec = task(env_id)
     if algo is not None:
-        chosen(algo, ALGORITHMS, "algorithm")
-    if scenario is not None:
-        chosen(scenario, spec.scenarios, f"scenario of {env_id}")
+        chosen(algo, algorithms(spec), f"algorithm for {env_id}")
     if steps is not None:
         at_least_one(steps, "--steps")
     if threads is not None:
@@ -95,18 +94,19 @@ def main(
 def _train(
     console: Console, env_id: str, settings: Any, folder: Path, seed: int, threads: int | None, resume: bool
 ) -> None:
-    from fieldgym.agents.learning import policy_iteration, training
+    from fieldgym.agents.learning import training
     from fieldgym.agents.learning.runs import CheckpointError
+    from fieldgym.envs.task import resolved, task
 
-    if not resume and any((folder / state).exists() for state in (training.STATE, policy_iteration.STATE)):
+    if not resume and any(folder.glob("state.*")):
         raise CommandError(f"{folder} holds a run already: go on with --resume, or choose another folder with --out")
     console.print(
         f"{env_id}, {settings.scenario}: {settings.algo}, {settings.steps:,} decisions, into {folder}", soft_wrap=True
     )
-    iterates = settings.algo == "policy-iteration"
-    train = policy_iteration.iterate if iterates else partial(training.train, threads=threads)
+    own = task(env_id).learners.get(settings.algo)
+    train = partial(training.train, threads=threads) if own is None else resolved(own)
     try:
-        with _shown(console, 1 if iterates else PLAIN_EVERY) as show:
+        with _shown(console, PLAIN_EVERY if own is None else 1) as show:
             result = train(env_id, settings, folder, seed=seed, resume=resume, on_update=show)
     except (CheckpointError, ValueError) as error:
         raise CommandError(str(error)) from None

@@ -98,7 +98,7 @@ def test_a_run_that_stops_and_goes_on_learns_the_same(whole, tmp_path):
 def test_a_killed_run_goes_on(whole, tmp_path):
     code = f"""
 from pathlib import Path
-from fieldgym.agents.train_settings import TrainSettings
+from fieldgym.agents.learning.train_settings import TrainSettings
 from fieldgym.agents.learning.training import train
 settings = TrainSettings(**{SMALL.as_dict()!r})
 train({ID!r}, settings, Path({str(tmp_path)!r}), threads=1, on_update=lambda p: print(p.updates, flush=True))
@@ -210,9 +210,9 @@ def test_a_file_s_settings_come_on_top_and_given_ones_above(tmp_path):
         ("defaults: {batch_size: 10000000}", "batch_size"),
         ("defaults: {algo: dqn}", "maskable-ppo, ppo"),
         ("gamma: 0.9", "under 'defaults:'"),
-        ("- 1", "under 'defaults:'"),
-        ("defaults: {a: [", "no YAML"),
-        ("defaults: !!python/object/apply:os.getcwd []", "no YAML"),
+        ("- 1", "mapping"),
+        ("defaults: {a: [", "mine.yaml:1"),
+        ("defaults: !!python/object/apply:os.getcwd []", "mine.yaml:1"),
     ],
 )
 def test_bad_settings_are_named_in_one_line(tmp_path, text, word):
