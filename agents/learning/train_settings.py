@@ -10,7 +10,7 @@ from typing import Any
 
 from ...envs.assembly import meant
 from ...envs.task import TaskSpec, task
-from ...kernels.config import Config, ConfigError, choice, flag, from_mapping, num, text, to_mapping
+from ...kernels.config import Config, ConfigError, flag, from_mapping, num, text, to_mapping
 from ...kernels.config_files import load_yaml, parse_yaml
 
 COMMON_ALGORITHMS = ("maskable-ppo", "ppo")
