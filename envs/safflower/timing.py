@@ -59,9 +59,16 @@ class Rates(NamedTuple):
     def of(cls, config: SafflowerConfig) -> Rates:
         """The numbers of a configuration."""
         picker = config.machine.picker
-        cart = QUINTIC.paces(picker.cart_velocity_m_s, picker.cart_acceleration_m_s2)
-        tool = QUINTIC.paces(picker.tool_velocity_m_s, picker.tool_acceleration_m_s2)
-        return cls(*map(float, cart), *map(float, tool), config.machine.settle_s, config.machine.clear_level_m)
+        cart_pace, cart_square = QUINTIC.paces(picker.cart_velocity_m_s, picker.cart_acceleration_m_s2)
+        tool_pace, tool_square = QUINTIC.paces(picker.tool_velocity_m_s, picker.tool_acceleration_m_s2)
+        return cls(
+            cart_pace_s_m=float(cart_pace),
+            cart_square_s2_m=float(cart_square),
+            tool_pace_s_m=float(tool_pace),
+            tool_square_s2_m=float(tool_square),
+            settle_s=config.machine.settle_s,
+            clear_m=config.machine.clear_level_m,
+        )
 
 
 def standing_s(config: SafflowerConfig) -> Array:
