@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..envs.safflower.batch import stop_centres
 from ..envs.safflower.config import EFFORTS, SafflowerConfig
 from ..envs.safflower.core import SafflowerCore
-from ..envs.safflower.drawing import stop_centres
 from ..envs.safflower.process import Shears, collected_share, cut_share, dropped_share
 from ..envs.safflower.timing import DRIVE, P, legs_s, levels_s, standing_s
 from .base import METHODS, REPORTS, Bound

@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields, replace
 from dataclasses import field as dataclass_field
 from functools import cache
 from typing import Any, ClassVar, NamedTuple, TypeVar, get_args, get_type_hints
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -291,6 +292,18 @@ class Field:
     def __hash__(self) -> int:
         """Equal fields have equal hashes."""
         return hash(self.digest())
+
+
+@dataclass(frozen=True, eq=False)
+class Camera(Table):
+    """Whose reports a field holds, in one row; another camera makes its own of the same field."""
+
+    code: Whole = whole(0, 2**32 - 1, "check sum of the statistics that the reports were drawn from")
+
+    @classmethod
+    def of(cls, perception: object) -> Camera:
+        """The camera with these statistics, a frozen configuration."""
+        return cls(np.array([crc32(repr(perception).encode())]))
 
 
 class Toy(NamedTuple):

@@ -54,7 +54,7 @@ def best_by_trying(core: SafflowerCore) -> tuple[float, float, float]:
                 go_on(child, value)
 
     go_on(core, 0.0)
-    shortest = min(cycle for rate, cycle, done in cycles if done and rate >= best_rate - 1e-9)
+    shortest = min((cycle for rate, cycle, done in cycles if done and rate >= best_rate - 1e-9), default=np.inf)
     return best_return, best_rate, shortest
 
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldgym.agents import make_policy, policy_names
+from fieldgym.envs.safflower.batch import fixed_order, stop_centres
 from fieldgym.envs.safflower.config import (
     SCENARIOS,
     MachineConfig,
@@ -19,7 +20,7 @@ from fieldgym.envs.safflower.config import (
     SafflowerConfig,
 )
 from fieldgym.envs.safflower.core import PickerOutcome, SafflowerCore
-from fieldgym.envs.safflower.drawing import draw_heads, fixed_order, reach_table, stop_centres
+from fieldgym.envs.safflower.drawing import draw_heads, reach_table
 from fieldgym.envs.safflower.features import candidate_table
 from fieldgym.envs.safflower.process import Shears, collected_share, cut_share, dropped_share
 from fieldgym.envs.safflower.state import T

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from ..columns import names
 from ..core import Array, Rows, StepResult, TaskCore
+from .batch import Batch, Tracks, stack, unstack
 from .config import EFFORTS, PerceptionModel, SafflowerConfig
-from .drawing import Tracks, draw_blocks, draw_heads, draw_tracks, random_numbers, reach_table
+from .drawing import draw_batch, reach_table
 from .features import ACROSS_SCALE_M, HEIGHT_SCALE_M, LIMIT, SIZE_SCALE_M, C, Candidate, M, Machine
+from .field import SafflowerField
+from .filling import completed
 from .rules import apply_worlds, fill_rows, observe_worlds, plan_worlds, score_worlds
 from .state import PickerPlan, R, Rewards, Scores, T, empty_worlds, tables_of
 from .timing import DRIVE, NOTHING, Phases, levels_s
@@ -40,6 +43,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     score_names = names(Scores)
     machine_features = names(Machine)
     candidate_features = names(Candidate)
+    field_type = SafflowerField
 
     def __init__(self, config: SafflowerConfig, perception: PerceptionModel | None, worlds: int = 1):
         """Allocate the state."""
@@ -60,26 +64,35 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self._centres = self.tables.stop_pose[:, 0]
         # World (along, across, up) of the arm plane's (cart, u, v) = 0.
         self.frame = np.array([0.0, -0.5 * picker.five_bar.base_m, scenario.motor_height_m])
-        self._numbers = random_numbers(config, perception or PerceptionModel.perfect())
         b, heads = worlds, scenario.plants * scenario.max_heads
         # What the pictures show and the rules do not ask for.
         self.head_exists = np.zeros((b, heads + 1), bool)
         self.head_occluded = np.zeros((b, heads + 1), bool)
         self.head_size_m = np.zeros((b, heads + 1))
+        self.head_plant = np.zeros((b, heads + 1), np.int64)
         self.plant_base = np.zeros((b, scenario.plants, 3))
         self.plant_height_m = np.zeros((b, scenario.plants))
         self.plant_crown_m = np.zeros((b, scenario.plants))
+        self.plant_count = np.zeros(b, np.int64)
         self.episode = np.zeros(b, np.int64)
 
-    def draw(self, generators: Sequence[np.random.Generator]) -> Any:
+    def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw fields and what the statistical camera reports of them."""
-        uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
-        heads, plants = draw_heads(self.config, uniform, normal)
-        if self.perception is None:
-            return heads, plants, None
-        return heads, plants, draw_tracks(self.config, self.perception, heads, camera_uniform, camera_normal)
+        return draw_batch(self.config, self.perception, generators)
 
-    def load(self, rows: Rows, batch: Any) -> None:
+    def stack(self, fields: Sequence[SafflowerField]) -> Batch:
+        """The batch of fields in which nothing is missing."""
+        return stack(self.config, fields)
+
+    def unstack(self, batch: Batch) -> list[SafflowerField]:
+        """The fields of a batch."""
+        return unstack(batch, self.perception)
+
+    def complete(self, field: Any, generator: np.random.Generator) -> SafflowerField:
+        """A field with nothing missing; see ``filling``."""
+        return completed(self.config, self.perception, super().complete(field, generator), generator)
+
+    def load(self, rows: Rows, batch: Batch) -> None:
         """Put fields into ``rows`` and the carts at their first stop, reports taken."""
         state = self.state
         heads, plants, tracks = batch
@@ -90,9 +103,9 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         state.head_odds[rows, :-1, 0] = np.exp(self.config.process.luck_logit * heads.cut_luck)
         state.head_odds[rows, :-1, 1] = np.exp(self.config.process.luck_logit * heads.drop_luck)
         self.head_exists[rows, :-1], self.head_occluded[rows, :-1] = heads.exists, heads.occluded
-        self.head_size_m[rows, :-1] = heads.size_m
+        self.head_size_m[rows, :-1], self.head_plant[rows, :-1] = heads.size_m, heads.plant
         self.plant_base[rows], self.plant_height_m[rows] = plants.base, plants.height_m
-        self.plant_crown_m[rows] = plants.crown_m
+        self.plant_crown_m[rows], self.plant_count[rows] = plants.crown_m, plants.count
         self.episode[rows] += 1
         state.totals[rows] = 0.0
         state.totals[rows, T.total] = heads.mass_g.sum(axis=1)
@@ -138,14 +151,6 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def plan(self, actions: NDArray[np.int64]) -> PickerPlan:
         """Turn actions (B,) into motions and nominal phase times."""
         return plan_worlds(self.tables, self.state, actions)
-
-    def stack(self, fields: Sequence[Any]) -> Any:
-        """The batch of fields."""
-        raise NotImplementedError
-
-    def unstack(self, batch: Any) -> list[Any]:
-        """The fields of a batch."""
-        raise NotImplementedError
 
     def nominal(self, plan: PickerPlan) -> PickerOutcome:
         """Nominal phase times, the tool exactly where it was sent."""

@@ -7,7 +7,6 @@ arithmetic over the worlds, so a world's field does not depend on how many world
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
 
@@ -17,7 +16,9 @@ from scipy import stats
 
 from ...mechanisms import FiveBar
 from ..core import Array
+from .batch import Batch, Heads, Plants, Tracks, fixed_order, stop_centres, unstack
 from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig, ScenarioConfig
+from .field import SPREAD_M, SafflowerField
 
 _PRIMARY_HEADS = 5
 _BATCH_DAYS = 4.5
@@ -26,9 +27,9 @@ _FRESH_DAYS, _OPEN_DAYS = 3.0, 6.0
 """Florets open within 3-4 days; filaments are dry and hard after day 6 [published]."""
 _FRESH_SHARE = 0.6
 """Share of fresh heads among the open ones that are presented in pots [assumed]."""
-_SPREAD_M, _SPREAD_SIGMA = 0.04785, 0.078
-"""Filament spread, mean and relative deviation [published: 47.85 +- 3.73 mm]."""
-_SIZE_SHARE = 0.7
+SPREAD_SIGMA = 0.078
+"""Relative deviation of the filament spread [published: 47.85 +- 3.73 mm]."""
+SIZE_SHARE = 0.7
 """Correlation of a head's size with the logarithm of its mass [assumed]."""
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 _PLAY = 0.5
@@ -36,59 +37,6 @@ _PLAY = 0.5
 _REACH_RESERVE_M = 0.012
 """Room that the potted plants leave to the workspace's edge [assumed: pots are turned to fit]."""
 _FALSE_RESERVE = 4.0
-
-
-@dataclass(frozen=True)
-class Heads:
-    """True heads of R worlds, N slots each; what does not exist has no mass and lies at the origin.
-
-    Attributes:
-        position: (R, N, 3), world metres (along, across, up).
-        exists: (R, N).
-        stage: (R, N), index into ``STAGES``.
-        mass_g: (R, N), useful filaments: open heads only.
-        size_m: (R, N), filament spread.
-        occluded: (R, N).
-        cut_luck: (R, N), standard normal.
-        drop_luck: (R, N), standard normal.
-    """
-
-    position: Array
-    exists: NDArray[np.bool_]
-    stage: NDArray[np.int64]
-    mass_g: Array
-    size_m: Array
-    occluded: NDArray[np.bool_]
-    cut_luck: Array
-    drop_luck: Array
-
-
-@dataclass(frozen=True)
-class Plants:
-    """Plants of R worlds, P each: ``base`` (R, P, 3) where the stem leaves the ground, ``height_m``, ``crown_m``."""
-
-    base: Array
-    height_m: Array
-    crown_m: Array
-
-
-@dataclass(frozen=True)
-class Tracks:
-    """What the camera reports, M slots a world, in the fixed order: by stop, lane by lane, to and fro.
-
-    Attributes:
-        position: (R, M, 3), reported world position.
-        stage: (R, M), reported stage.
-        size_m: (R, M), reported filament spread.
-        head: (R, M), index of the true head, N where there is none.
-        first: (R, S + 1), index of each stop's first report; the last entry ends the last stop.
-    """
-
-    position: Array
-    stage: NDArray[np.int64]
-    size_m: Array
-    head: NDArray[np.int64]
-    first: NDArray[np.int64]
 
 
 class _Block:
@@ -133,12 +81,6 @@ def reach_table(bar: FiveBar) -> tuple[Array, Array]:
     return levels, np.where(first_gap > 0, widths[np.maximum(first_gap - 1, 0)], -1.0)
 
 
-def stop_centres(scenario: ScenarioConfig) -> Array:
-    """Middle of every stop's window along the row, shape (S,), metres."""
-    offset = 0.0 if scenario.potted else 0.5 * scenario.window_m
-    return offset + scenario.window_m * np.arange(scenario.stops, dtype=np.float64)
-
-
 def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[Heads, Plants]:
     """Grow the plants of R worlds from their random blocks (R, .)."""
     scenario = config.scenario
@@ -161,7 +103,7 @@ def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[
 
     batch = np.minimum((number + _PRIMARY_HEADS - 1) // _PRIMARY_HEADS, 2)
     drop = np.asarray(scenario.head_drop_m)[batch] * u.take(plants, slots)
-    up = (lift + height)[..., None] - drop
+    up = np.maximum((lift + height)[..., None] - drop, 0.0)
     ahead_u, across_u, turn_u = u.take(plants, slots), u.take(plants, slots), u.take(plants)
     if scenario.potted:
         # Stems of a pot stand apart, left and right in turn, so that no flower hides another (the paper reports none
@@ -185,9 +127,9 @@ def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[
         age = day[..., None] - _BATCH_DAYS * batch - z.take(plants)[..., None] - z.take(plants, slots)
         stage = (age > 0.0).astype(np.int64) + (age > _FRESH_DAYS) + (age > _OPEN_DAYS)
     size_z, mass_z = z.take(plants, slots), z.take(plants, slots)
-    size = _SPREAD_M * (1.0 + _SPREAD_SIGMA * size_z)
+    size = SPREAD_M * (1.0 + SPREAD_SIGMA * size_z)
     spread = config.head_mass_spread
-    mix = _SIZE_SHARE * size_z + np.sqrt(1.0 - _SIZE_SHARE**2) * mass_z
+    mix = SIZE_SHARE * size_z + np.sqrt(1.0 - SIZE_SHARE**2) * mass_z
     mass = config.head_mass_g * np.exp(spread * mix - 0.5 * spread**2)
     is_open = exists & ((stage == OPEN_STAGES[0]) | (stage == OPEN_STAGES[1]))
     occluded = u.take(plants, slots) < scenario.occluded
@@ -201,8 +143,9 @@ def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[
             occluded=(exists & occluded).reshape(shape),
             cut_luck=z.take(*shape[1:]),
             drop_luck=z.take(*shape[1:]),
+            plant=np.broadcast_to(np.repeat(np.arange(plants), slots), shape),
         ),
-        Plants(base, height, crown),
+        Plants(base, height, crown, np.full(len(uniform), plants)),
     )
 
 
@@ -235,7 +178,7 @@ def draw_tracks(
     position = np.concatenate([position, np.stack([ghost_along, ghost_across, ghost_up], axis=-1)], axis=1)
     seen = np.concatenate([seen, ghost_seen], axis=1)
     stage = np.concatenate([stage, ghost_stage], axis=1)
-    size = np.concatenate([size, np.full(ghost_stage.shape, _SPREAD_M)], axis=1)
+    size = np.concatenate([size, np.full(ghost_stage.shape, SPREAD_M)], axis=1)
     order, first = fixed_order(config, position, seen)
     kept = order[:, : scenario.max_tracks]
     place = kept + seen.shape[1] * np.arange(len(seen))[:, None]
@@ -255,29 +198,6 @@ def random_numbers(config: SafflowerConfig, perception: PerceptionModel) -> tupl
     return 4 * plants + 5 * heads + 1, 2 * plants + 5 * heads, 2 * heads + 1 + 4 * ghosts, 4 * heads
 
 
-def fixed_order(
-    config: SafflowerConfig, position: Array, seen: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Sort reports (R, M, 3) into the fixed order; unseen ones come last.
-
-    Returns:
-        The order (R, M) and each stop's first place in it (R, S + 1).
-    """
-    scenario = config.scenario
-    stops = scenario.stops
-    left = stop_centres(scenario)[0] - 0.5 * scenario.window_m
-    along = position[..., 0] - left
-    stop = np.minimum(np.maximum(np.floor(along / scenario.window_m), 0), stops - 1)
-    lane = np.minimum(np.maximum(np.floor((along - stop * scenario.window_m) / config.lane_m), 0), 99)
-    across = np.where(lane % 2.0 == 0.0, position[..., 1], -position[..., 1])
-    key = np.where(seen, 1000.0 * stop + 10.0 * lane + np.minimum(np.maximum(across, -4.0), 4.0), np.inf)
-    order = np.argsort(key, axis=1, kind="stable")
-    rows = np.broadcast_to(np.arange(len(seen))[:, None], seen.shape)
-    counts = np.bincount((rows * stops + stop.astype(np.int64))[seen], minlength=len(seen) * stops)
-    first = np.concatenate([np.zeros((len(seen), 1), int), counts.reshape(-1, stops).cumsum(axis=1)], axis=1)
-    return order, first
-
-
 def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int, int, int]) -> list[Array]:
     """One block (R, n) for each of ``random_numbers``' lengths; each world draws its own row.
 
@@ -288,3 +208,22 @@ def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, i
         for g in generators
     ]
     return [np.stack(column) for column in zip(*rows, strict=True)]
+
+
+def draw_batch(
+    config: SafflowerConfig, perception: PerceptionModel | None, generators: Sequence[np.random.Generator]
+) -> Batch:
+    """A field for each generator, with the reports of a statistical camera where there is one."""
+    lengths = random_numbers(config, perception or PerceptionModel.perfect())
+    uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, lengths)
+    heads, plants = draw_heads(config, uniform, normal)
+    if perception is None:
+        return Batch(heads, plants, None)
+    return Batch(heads, plants, draw_tracks(config, perception, heads, camera_uniform, camera_normal))
+
+
+def draw(
+    config: SafflowerConfig, generator: np.random.Generator, perception: PerceptionModel | None = None
+) -> SafflowerField:
+    """One field; without a statistical camera it holds no reports."""
+    return unstack(draw_batch(config, perception, [generator]), perception)[0]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..columns import Says, numbered
 from ..core import Array
+from .batch import stop_centres
 from .config import SafflowerConfig
-from .drawing import stop_centres
 from .features import C
 from .process import Shears, dropped_share
 from .timing import Rates, standing_s

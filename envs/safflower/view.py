@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ...perception import blooms
 from ...perception.frames import Frame
 from ..core import Array, StepResult
+from .batch import fixed_order, stop_centres
 from .core import SafflowerCore
-from .drawing import fixed_order, stop_centres
 from .machine import picker_parameters, trajectory
 from .scene import Field, PickerScene
 from .state import PickerPlan
@@ -97,20 +97,20 @@ class PickerView:
         if self._episode == core.episode[0]:
             return
         self._episode = int(core.episode[0])
-        self._shown = np.flatnonzero(core.head_exists[0])
+        self._shown = shown = np.flatnonzero(core.head_exists[0])
         self._picked.clear()
-        shown, scenario = self._shown, core.config.scenario
+        plants = slice(int(core.plant_count[0]))
         self._scene.load(
             Field(
                 head_position=core.state.head_position[0, shown] + core.frame,
                 head_stage=core.state.head_stage[0, shown],
                 head_spread_m=core.head_size_m[0, shown],
-                head_plant=shown // scenario.max_heads,
+                head_plant=core.head_plant[0, shown],
                 head_occluded=core.head_occluded[0, shown],
-                plant_base=core.plant_base[0],
-                plant_height_m=core.plant_height_m[0],
-                crown_m=core.plant_crown_m[0],
-                potted=scenario.potted,
+                plant_base=core.plant_base[0, plants],
+                plant_height_m=core.plant_height_m[0, plants],
+                crown_m=core.plant_crown_m[0, plants],
+                potted=core.config.scenario.potted,
             )
         )
 

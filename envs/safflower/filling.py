@@ -1,0 +1,141 @@
+"""What a field does not say is filled in, and what does not fit the machine is refused by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..field import Array, Camera, FieldError, Flags, Table, Whole
+from .batch import Batch, places, stack, stop_centres, unstack
+from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig
+from .drawing import SIZE_SHARE, SPREAD_SIGMA, draw_tracks, random_numbers
+from .field import SPREAD_M, Heads, Plants, Reports, SafflowerField
+
+_MOST_SIGMAS = 3.0
+_LEAST_HEIGHT_M = 0.1
+
+
+def completed(
+    config: SafflowerConfig,
+    perception: PerceptionModel | None,
+    field: SafflowerField,
+    generator: np.random.Generator,
+) -> SafflowerField:
+    """A field with nothing missing that fits into the rules.
+
+    Reports that another camera made are drawn anew; a field for a camera that renders holds none.
+
+    Args:
+        config: the task's numbers.
+        perception: the statistical camera, None where pictures are rendered.
+        field: every value in its column's range; only what the task fills in is missing.
+        generator: draws reports where there are none.
+
+    Raises:
+        FieldError: something lies outside the row, is there twice, or there is too much of it.
+    """
+    plants = _whole_plants(config, field)
+    heads = _whole_heads(config, field.heads, plants)
+    _fits(config, heads, len(plants), field.reports)
+    field = replace(field, heads=heads, plants=plants)
+    if perception is None:
+        return replace(field, reports=None, camera=None)
+    own = Camera.of(perception)
+    if field.reports is not None and (field.camera is None or field.camera.code.tolist() == own.code.tolist()):
+        return field
+    *_, uniform, normal = random_numbers(config, perception)
+    bare = stack(config, [replace(field, reports=None)])
+    tracks = draw_tracks(
+        config, perception, bare.heads, generator.random((1, uniform)), generator.standard_normal((1, normal))
+    )
+    return unstack(Batch(bare.heads, bare.plants, tracks), perception)[0]
+
+
+def _whole_plants(config: SafflowerConfig, field: SafflowerField) -> Plants:
+    """The plants, synthesised where there are none; height and crown as their heads need them."""
+    scenario, plants = config.scenario, field.plants
+    if plants is not None and len(plants) > scenario.plants:
+        raise FieldError(f"{len(plants)} plants: the scenario has room for {scenario.plants}, raise scenario.plants")
+    if plants is None or len(plants) == 0:
+        along = scenario.pitch_m * (np.arange(scenario.plants) + (0.0 if scenario.potted else 0.5))
+        bare = Plants.empty(len(along))
+        plants = replace(bare, along_m=along, across_m=np.zeros(len(along)), up_m=np.full(len(along), np.nan))
+    on, heads = _nearest(field.heads, plants), field.heads
+    usual = scenario.plant_height_m[1 if scenario.potted else 0]
+    top, width = np.full(len(plants), usual), np.full(len(plants), scenario.crown_m[0])
+    for plant in range(len(plants)):
+        up, along = heads.up_m[on == plant], heads.along_m[on == plant]
+        if len(up):
+            top[plant] = up.max()
+            width[plant] = np.clip(2.0 * np.abs(along - plants.along_m[plant]).max(), *scenario.crown_m)
+    # Pots stand on blocks where their plants are too short for the height of the heads.
+    lift = np.maximum(top - scenario.plant_height_m[1], 0.0) if scenario.potted else np.zeros(len(plants))
+    up_m = np.where(np.isnan(plants.up_m), lift, plants.up_m)
+    height_m = np.where(np.isnan(plants.height_m), np.maximum(top - up_m, _LEAST_HEIGHT_M), plants.height_m)
+    return replace(
+        plants, up_m=up_m, height_m=height_m, crown_m=np.where(np.isnan(plants.crown_m), width, plants.crown_m)
+    )
+
+
+def _nearest(heads: Heads, plants: Plants) -> Whole:
+    """The plant of each head: its own, else the nearest along the row."""
+    nearest = np.abs(heads.along_m[:, None] - plants.along_m).argmin(axis=1)
+    return np.where(heads.plant < 0, nearest, heads.plant)
+
+
+def _whole_heads(config: SafflowerConfig, heads: Heads, plants: Plants) -> Heads:
+    """Heads with a plant, a slot and a mass, which goes with the size as it does where fields are drawn."""
+    sigmas = np.clip((heads.size_m / SPREAD_M - 1.0) / SPREAD_SIGMA, -_MOST_SIGMAS, _MOST_SIGMAS)
+    usual = config.head_mass_g * np.exp(config.head_mass_spread * SIZE_SHARE * sigmas)
+    mass = np.where(np.isnan(heads.mass_g), np.where(_open(heads), usual, 0.0), heads.mass_g)
+    slot = heads.slot.copy()
+    free = np.setdiff1d(np.arange(len(heads) + len(slot)), slot)
+    slot[heads.slot < 0] = free[: np.count_nonzero(heads.slot < 0)]
+    return replace(heads, mass_g=mass, plant=_nearest(heads, plants), slot=slot)
+
+
+def _open(heads: Heads) -> Flags:
+    return np.isin(heads.stage, OPEN_STAGES)
+
+
+def _fits(config: SafflowerConfig, heads: Heads, plants: int, reports: Reports | None) -> None:
+    scenario = config.scenario
+    slots = scenario.plants * scenario.max_heads
+    if len(heads) > slots:
+        raise FieldError(
+            f"{len(heads)} heads: the scenario has room for {slots}, raise scenario.max_heads or scenario.plants"
+        )
+    if reports is not None and len(reports) > scenario.max_tracks:
+        raise FieldError(
+            f"{len(reports)} reports: the scenario has room for {scenario.max_tracks}, raise scenario.max_tracks"
+        )
+    centres, margin = stop_centres(scenario), 0.5 * (scenario.window_m + scenario.crown_m[1])
+    low, high = float(centres[0] - margin), float(centres[-1] + margin)
+    outside = (heads.along_m < low) | (heads.along_m > high)
+    _refuse_where(outside, "heads", heads, "along_m", f"outside the row, give {low:g} to {high:g} m")
+    laden = ~_open(heads) & (heads.mass_g > 0.0)
+    _refuse_where(laden, "heads", heads, "mass_g", "only open heads bear filaments, give 0 g")
+    _refuse_where(heads.plant >= plants, "heads", heads, "plant", f"give 0 to {plants - 1}")
+    _refuse_where(heads.slot >= slots, "heads", heads, "slot", f"give 0 to {slots - 1}, or leave it out")
+    _refuse_where(_repeated(heads.slot[:, None]), "heads", heads, "slot", "another head has it, leave it out")
+    _refuse_where(_repeated(places(heads)), "heads", heads, "along_m", "another head stands there, leave one out")
+    if reports is not None:
+        beyond = reports.head >= len(heads)
+        _refuse_where(beyond, "reports", reports, "head", f"there are {len(heads)} heads, counted from 0")
+
+
+def _repeated(values: Array | Whole) -> Flags:
+    """Rows (n, k) that were there before."""
+    first = np.unique(values, axis=0, return_index=True)[1]
+    again = np.ones(len(values), bool)
+    again[first] = False
+    return again
+
+
+def _refuse_where(wrong: Flags, kind: str, table: Table, column: str, advice: str) -> None:
+    """Raise the error for the first row that is wrong."""
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        value, unit = getattr(table, column)[row], table.columns()[column].unit
+        raise FieldError(f"{kind} {row + 1}: {column} = {f'{value:.10g} {unit}'.strip()}: {advice}")
