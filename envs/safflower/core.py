@@ -10,11 +10,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore
+from ..core import Array, Rows, StepResult, TaskCore, observation_space
 from .batch import Batch, Tracks, stack, unstack
 from .config import EFFORTS, PerceptionModel, SafflowerConfig
 from .drawing import draw_batch, reach_table
-from .features import ACROSS_SCALE_M, HEIGHT_SCALE_M, LIMIT, SIZE_SCALE_M, C, Candidate, M, Machine
+from .features import ACROSS_SCALE_M, HEIGHT_SCALE_M, LIMIT, SIZE_SCALE_M, C, Candidate, Machine
 from .field import SafflowerField
 from .filling import completed
 from .rules import apply_worlds, fill_rows, observe_worlds, plan_worlds, score_worlds
@@ -51,14 +51,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.config, self.perception = config, perception
         scenario, picker, k = config.scenario, config.machine.picker, config.slots
         self.action_space = spaces.Discrete(DRIVE * k + 1)
-        self.observation_space = spaces.Dict(
-            {
-                "machine": spaces.Box(-LIMIT, LIMIT, (len(M),), np.float32),
-                # A flat vector, row by row: learning libraries take two axes for a broken image and warn.
-                "candidates": spaces.Box(-LIMIT, LIMIT, (k * len(C),), np.float32),
-                "action_mask": spaces.Box(0, 1, (DRIVE * k + 1,), np.int8),
-            }
-        )
+        self.observation_space = observation_space(self, k, DRIVE * k + 1, LIMIT)
         self.tables = tables_of(config, perception is None)
         self.state = empty_worlds(config, worlds)
         self._centres = self.tables.stop_pose[:, 0]

@@ -137,5 +137,5 @@ def _refuse_where(wrong: Flags, kind: str, table: Table, column: str, advice: st
     """Raise the error for the first row that is wrong."""
     if wrong.any():
         row = int(np.argmax(wrong))
-        value, unit = getattr(table, column)[row], table.columns()[column].unit
-        raise FieldError(f"{kind} {row + 1}: {column} = {f'{value:.10g} {unit}'.strip()}: {advice}")
+        value, suffix = getattr(table, column)[row], table.columns()[column].suffix
+        raise FieldError(f"{column} = {value:.10g}{suffix}: {advice}", kind, row, column)
