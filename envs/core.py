@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -101,6 +101,11 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     def unstack(self, batch: Any) -> list[Any]:
         """The fields of a batch."""
         return list(batch)
+
+    @property
+    def window(self) -> Mapping[str, tuple[float, float]]:
+        """By place, the range that a field's rows must lie in, where the task says one."""
+        return {}
 
     @abstractmethod
     def load(self, rows: Rows, batch: Any) -> None:

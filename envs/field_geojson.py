@@ -140,11 +140,13 @@ def _row(feature: Any, field_type: type[Field], file: str, line: int) -> Row:
     kind = properties.pop(KIND, field_type.main)
     if coordinates or feature.get("geometry"):
         table = field_type.kinds().get(kind) if isinstance(kind, str) else None
-        places = [name for name in field_type.places if table is None or name in table.columns()]
-        if len(coordinates) != len(places):
-            wanted = f"{len(places)}, {', '.join(places)}" if places else f"null as geometry: a {kind} has no place"
+        columns = {} if table is None else table.columns()
+        places = [name for name in field_type.places if table is None or name in columns]
+        needed = sum(name not in columns or columns[name].required for name in places)
+        if not needed <= len(coordinates) <= len(places) or not places:
+            wanted = f"{len(places)}, {', '.join(places)}" if places else f"null as geometry: {kind} have no place"
             raise FieldError(f"{where}: {len(coordinates)} coordinates: give {wanted}")
-        for name, value in zip(places, coordinates, strict=True):
+        for name, value in zip(places, coordinates, strict=False):
             if properties.get(name) is not None:
                 raise FieldError(f"{where}: {name} stands in geometry and properties: remove one")
             properties[name] = value

@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import fieldgym
-from fieldgym.scripts import benchmark, evaluate, prepare, report, reproduce, run, train
+from fieldgym.scripts import benchmark, evaluate, field, prepare, report, reproduce, run, train
 from fieldgym.scripts.common import execute
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app.command("reproduce")(reproduce.main)
 app.command("train")(train.main)
 app.command("evaluate")(evaluate.main)
 app.command("prepare")(prepare.main)
+app.add_typer(field.app, name="field")
 
 
 def _show_version(wanted: bool) -> None:

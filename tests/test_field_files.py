@@ -198,7 +198,7 @@ def collection(*features: object, **members: object) -> str:
         (collection(feature(1.0, 0.0, along_m=1.0)), 2, "along_m stands in geometry and properties"),
         (collection(feature(1.0, 0.0, stages="bud")), 2, "head has no column 'stages': did you mean 'stage'?"),
         (collection(feature(1.0, 0.0, kind=["head"])), 2, "kind ['head'] is unknown"),
-        (collection(feature(1.0, 0.0, kind="weather")), 2, "give null as geometry: a weather has no place"),
+        (collection(feature(1.0, 0.0, kind="weather")), 2, "give null as geometry: weather have no place"),
         (collection({**feature(), "geometry": {"type": "Polygon"}}), 2, "its geometry is 'Polygon': give a Point"),
         (collection(feature(16.37, 48.21), feature(16.38, 48.21)), 2, "these look like degrees"),
         (collection(fieldgym={"task": "trays"}), 0, "is a field of 'trays'"),

@@ -1,0 +1,186 @@
+"""``fieldgym field``: draw fields, check them, look at them, and make them of what other programs write."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fieldgym.scripts.common import CommandError, chosen, environment_id
+
+app = typer.Typer(help="Fields in files: draw, check, show, convert.", no_args_is_help=True)
+
+Env = Annotated[str, typer.Argument(metavar="ID", help="An environment; see fieldgym list.", show_default=False)]
+EnvOption = Annotated[str, typer.Option("--env", metavar="ID", help="An environment; see fieldgym list.")]
+File = Annotated[Path, typer.Argument(metavar="FILE", help="A .csv or .geojson field.", show_default=False)]
+Scenario = Annotated[str | None, typer.Option(metavar="NAME|FILE", help="By default the headline scenario.")]
+Perception = Annotated[str | None, typer.Option(help="By default what suits the analytic backend.")]
+Seed = Annotated[int, typer.Option(help="Of the environment's chance.")]
+Unit = Annotated[str, typer.Option(help="Of the file's lengths: m, cm, mm or px.")]
+Scale = Annotated[float | None, typer.Option(help="Metres a pixel, with --unit px.")]
+
+
+@app.command()
+def draw(
+    env: Env,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="A .csv or .geojson file.")],
+    scenario: Scenario = None,
+    seed: Seed = 0,
+    perception: Perception = None,
+) -> None:
+    """Draw the field that an environment gets on a seed, with all of its luck, and write it.
+
+    Try:
+
+      fieldgym field draw SafflowerPicking --scenario pots --seed 7 --out pots-7.csv
+    """
+    from fieldgym.envs.field_files import write_field
+
+    with told_in_one_line():
+        core = _core(env, scenario, perception)
+        field = core.draw_field(_generator(seed))
+        write_field(field, out)
+    typer.echo(f"{out}: {_counts(field)}")
+
+
+@app.command()
+def check(
+    file: File,
+    env: EnvOption,
+    scenario: Scenario = None,
+    perception: Perception = None,
+    unit: Unit = "m",
+    scale: Scale = None,
+    fill: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the completed field, in metres, for everybody.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Draws what the file does not say.")] = 0,
+) -> None:
+    """Check that a file holds a field that an environment can play; say what is in it and what was filled in.
+
+    Try:
+
+      fieldgym field check my-plants.csv --env LaserWeeding --unit mm --fill my-field.csv
+    """
+    from fieldgym.envs.field_files import read_field, write_field
+    from fieldgym.envs.options import completed
+
+    with told_in_one_line():
+        core = _core(env, scenario, perception)
+        given = read_field(file, core.field_type, unit, scale)
+        whole = completed(core, given, _generator(seed))
+        typer.echo(f"{file}: {_counts(given)}")
+        for line in _filled(given, whole):
+            typer.echo(f"  {line}")
+        if fill is not None:
+            write_field(whole, fill)
+            typer.echo(f"{fill}: {_counts(whole)}")
+
+
+@app.command()
+def show(
+    file: File,
+    env: EnvOption,
+    out: Annotated[Path, typer.Option(metavar="PICTURE", help="A .png, .svg or .pdf file.")],
+    scenario: Scenario = None,
+    unit: Unit = "m",
+    scale: Scale = None,
+) -> None:
+    """Draw a picture of a field, with the machine's window dashed and what lies outside ringed.
+
+    Try:
+
+      fieldgym field show pots-7.csv --env SafflowerPicking --scenario pots --out pots-7.png
+    """
+    from fieldgym.envs.field_files import read_field
+    from fieldgym.envs.field_picture import picture
+
+    with told_in_one_line():
+        core = _core(env, scenario, None)
+        field = read_field(file, core.field_type, unit, scale)
+        try:
+            picture(field, out, file.name, core.window)
+        except ImportError:
+            raise CommandError('pictures need matplotlib: pip install "fieldgym[bench]"') from None
+        except OSError as error:
+            raise CommandError(f"{out}: cannot be written ({error.strerror or error})") from None
+    typer.echo(str(out))
+
+
+@app.command()
+def columns(
+    env: Env, as_markdown: Annotated[bool, typer.Option("--markdown", help="As Markdown, for pages.")] = False
+) -> None:
+    """Print what a field's file holds: its kinds of rows, and of each column unit, range and meaning.
+
+    Try:
+
+      fieldgym field columns LaserWeeding
+    """
+    from fieldgym.envs.field_schema import column_lines, markdown, summary
+
+    with told_in_one_line():
+        field_type = _core(env, None, None).field_type
+    if as_markdown:
+        typer.echo(markdown(field_type), nl=False)
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    for kind in field_type.kinds():
+        main = " Rows of a file without a column 'kind' are of this kind." if kind == field_type.main else ""
+        table = Table("column", "unit", "values", "if missing", "meaning", title_justify="left")
+        for line in column_lines(field_type):
+            if line.kind == kind:
+                table.add_row(line.name, line.unit, line.values, line.if_missing or "must be given", line.doc)
+        console.print(f"[bold]{kind}[/bold]  {summary(kind, field_type)}{main}".rstrip())
+        console.print(table)
+
+
+@contextmanager
+def told_in_one_line() -> Iterator[None]:
+    """Make a command's error of what is wrong with a field or a configuration."""
+    try:
+        yield
+    except ValueError as error:
+        raise CommandError(str(error)) from None
+
+
+def _core(env: str, scenario: str | None, perception: str | None) -> Any:
+    """The rules of an environment, one world."""
+    from fieldgym.envs import task
+
+    parts = task(environment_id(env)).assembly
+    level = chosen(perception or parts.default_perception("analytic"), parts.perceptions, "perception")
+    config = parts.configured(scenario)
+    return parts.core(config, parts.perception_model(level, config), 1)
+
+
+def _generator(seed: int) -> Any:
+    from gymnasium.utils import seeding
+
+    if seed < 0:
+        raise CommandError(f"--seed {seed}: give 0 or more")
+    return seeding.np_random(seed)[0]
+
+
+def _counts(field: Any) -> str:
+    return ", ".join(f"{len(table)} {kind}" for kind, table in field.tables())
+
+
+def _filled(given: Any, whole: Any) -> Iterator[str]:
+    """What a completed field has and the given one had not, line by line."""
+    for kind, table in whole.tables():
+        before = getattr(given, kind)
+        if before is None or len(before) != len(table):
+            had = "none" if before is None else str(len(before))
+            yield f"{kind}: {len(table)} rows, {had} given"
+            continue
+        for name, column in table.columns().items():
+            filled = column.missing(getattr(before, name)) & ~column.missing(getattr(table, name))
+            if filled.any():
+                yield f"{kind}: {name} filled in {int(filled.sum())} of {len(table)} rows"
