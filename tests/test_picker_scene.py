@@ -48,11 +48,11 @@ def test_heads_in_pots_are_found_where_they_are(picker):
     for seed in range(3):
         picker.reset(seed=seed)
         for stop in (0, 7, 14):
-            core.state.pose[0, 0] = core._centres[stop] - core.config.machine.picker.camera_ahead_m
+            core.state.pose[0, 0] = core.tables.look_pose[stop, 0]
             look = picker.view.look()
             blooms = detect(look)
             truth = core.state.head_position[0, core.head_exists[0]] + core.frame
-            inside = truth[np.abs(truth[:, 0] - core._centres[stop]) < 0.2]
+            inside = truth[np.abs(truth[:, 0] - core.tables.stop_pose[stop, 0]) < 0.2]
             gaps = np.linalg.norm(inside[:, None] - blooms.position[None], axis=-1).min(axis=1)
             assert gaps.max() < 0.006
 
@@ -83,10 +83,10 @@ def test_picking_takes_the_filaments_out_of_the_picture(picker):
     core = picker.core
     before = int(core.state.remaining[0])
     picker.step(2)
-    core.state.pose[0] = core._first_pose
+    core.state.pose[0] = core.tables.look_pose[0]
     look = picker.view.look()
     blooms = detect(look)
-    assert np.count_nonzero(np.abs(blooms.position[:, 0] - core._centres[0]) < 0.22) == before - 1
+    assert np.count_nonzero(np.abs(blooms.position[:, 0] - core.tables.stop_pose[0, 0]) < 0.22) == before - 1
 
 
 def test_the_picture_shows_the_machine_and_flowers(picker):

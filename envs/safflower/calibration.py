@@ -54,7 +54,7 @@ class Tally:
         """Count one stop."""
         scenario = core.config.scenario
         half = 0.5 * scenario.window_m
-        centre = core._centres[stop]
+        centre = core.tables.stop_pose[stop, 0]
         here = np.abs(blooms.position[:, 0] - centre) <= half
         heads = np.flatnonzero(core.head_exists[0])
         truth = core.state.head_position[0, heads] + core.frame
@@ -103,7 +103,7 @@ def measure(scenario: str, stops: int, progress: Callable[[range], Iterable[int]
     for episode in progress(range(episodes)):
         env.reset(seed=FIRST_SEED + episode)
         for stop in range(SCENARIOS[scenario].stops):
-            core.state.pose[0, 0] = core._centres[stop] - core.config.machine.picker.camera_ahead_m
+            core.state.pose[0, 0] = core.tables.look_pose[stop, 0]
             look = env.view.look()
             tally.add(detect(look), core, stop)
     env.close()

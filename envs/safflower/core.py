@@ -54,7 +54,6 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.observation_space = observation_space(self, k, DRIVE * k + 1, LIMIT)
         self.tables = tables_of(config, perception is None)
         self.state = empty_worlds(config, worlds)
-        self._centres = self.tables.stop_pose[:, 0]
         # World (along, across, up) of the arm plane's (cart, u, v) = 0.
         self.frame = np.array([0.0, -0.5 * picker.five_bar.base_m, scenario.motor_height_m])
         b, heads = worlds, scenario.plants * scenario.max_heads
@@ -170,7 +169,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
             grams = float(result.rewards[row, R.collected]) / (self.config.weights.collected_g or 1.0)
             return f"pick slot {int(plan.slot[row])} {EFFORTS[kind]}: {grams:.3f} g in {elapsed:.1f} s"
         words = {
-            DRIVE: f"drive to stop {int(self.state.stop[row]) + 1}/{len(self._centres)}",
+            DRIVE: f"drive to stop {int(self.state.stop[row]) + 1}/{len(self.tables.stop_pose)}",
             NOTHING: "illegal action",
         }
         return f"{words.get(kind, 'leave the row')}: {elapsed:.1f} s"
