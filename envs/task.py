@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import logging
 import sys
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module, metadata
@@ -14,6 +14,8 @@ import gymnasium as gym
 TASKS_GROUP, POLICIES_GROUP = "fieldgym.tasks", "fieldgym.policies"
 """Entry-point groups in which installed packages announce a ``TaskSpec`` (or several), and a function that registers
 policies."""
+
+_LOG = logging.getLogger("fieldgym")
 
 RANDOM = "random"
 Factory = Callable[[Any, int], Any]
@@ -210,7 +212,7 @@ def load_plugins(search: bool = False) -> None:
                     register_task(spec)
         except Exception as error:
             told = " ".join(f"{type(error).__name__}: {error}".split())
-            warnings.warn(f"plug-in {entry.name!r} ({entry.value}) of {entry.group} was left out: {told}", stacklevel=2)
+            _LOG.warning("plug-in %r (%s) of %s was left out: %s", entry.name, entry.value, entry.group, told)
 
 
 def _being_imported(module: str) -> bool:

@@ -1,6 +1,6 @@
-"""A policy of one's own for laser weeding: the weed that leaves the window first, low dose for the smallest ones.
+"""A policy of one's own for laser weeding: the weed that leaves first, a low dose for the smallest ones.
 
-fieldgym benchmark --env LaserWeeding --policies fifo,examples/my_policy.py:LowDoseFirst --episodes 20 --backend analytic
+fieldgym benchmark --env LaserWeeding --policies fifo,my_policy.py:LowDoseFirst --episodes 20 --backend analytic
 """
 
 import numpy as np
