@@ -167,6 +167,9 @@ def _processes(env_id: str, spec: TaskSpec, backend: str) -> None:
         "import sys; sys.path[:] = eval(sys.argv[1]); from fieldgym.testing import trajectory_digest; "
         "print(trajectory_digest(sys.argv[2], sys.argv[3]))"
     )
+    if ":" not in env_id and isinstance(spec.entry_point, str):
+        # A task that was registered by hand is unknown there until its module is imported.
+        env_id = f"{spec.entry_point.partition(':')[0]}:{env_id}"
     command = [sys.executable, "-c", code, repr(sys.path), env_id, backend]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     _hold(done.returncode == 0, f"a fresh process fails: {done.stderr.strip().splitlines()[-1:]}")

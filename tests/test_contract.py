@@ -1,150 +1,187 @@
-"""The Gymnasium contract that every environment keeps: checks, masks, determinism, and a batch that equals singles."""
+"""Every task keeps the contract, and the check of it notices the tasks that do not."""
 
-import hashlib
-import subprocess
+import importlib
 import sys
-import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
-from fieldgym.envs import env_ids, register, task
+import fieldgym
+from fieldgym import TaskSpec, env_ids, register_policy, register_task, task
+from fieldgym.agents import policy_names
+from fieldgym.envs import register
+from fieldgym.envs.vector import TaskVectorEnv
+from fieldgym.testing import ContractError, check_batch, check_task
 
-MODES = ("NextStep", "SameStep")
-BOTH = [(env_id, backend) for env_id in env_ids() for backend in task(env_id).backends]
-
-
-def legal_actions(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A random legal action of every row."""
-    return np.array([rng.choice(np.flatnonzero(row)) for row in mask])
-
-
-def digest(value: object) -> bytes:
-    if isinstance(value, dict):
-        return b"".join(name.encode() + digest(part) for name, part in value.items())
-    return np.asarray(value).tobytes()
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+OWN = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
 
 
-def trajectory_hash(env_id: str, backend: str, seeds: range = range(8), decisions: int = 6) -> str:
-    total = hashlib.sha256()
-    env = gym.make(env_id, backend=backend)
-    for seed in seeds:
-        observation, info = env.reset(seed=seed)
-        rng = np.random.default_rng(seed)
-        total.update(digest(observation) + digest(info))
-        for _ in range(decisions):
-            step = env.step(int(rng.choice(np.flatnonzero(info["action_mask"]))))
-            info = step[-1]
-            total.update(b"".join(digest(part) for part in step))
-            if step[2] or step[3]:
-                break
-    env.close()
-    return total.hexdigest()
+@pytest.mark.parametrize("env_id", OWN)
+def test_the_package_s_tasks_keep_the_contract(env_id):
+    assert len(check_task(env_id)) >= 14
 
 
-@pytest.mark.parametrize("env_id", env_ids())
-def test_registration_is_idempotent_and_named_module_works(env_id):
-    register()
-    env = gym.make("fieldgym:" + env_id, backend="analytic")
-    assert env.spec is not None and env.spec.id == env_id
-    assert gym.spec(env_id).to_json()
-
-
-@pytest.mark.parametrize(("env_id", "backend"), BOTH)
-def test_gymnasium_checker_has_nothing_to_say(env_id, backend):
-    env = gym.make(env_id, backend=backend, disable_env_checker=True)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(env.unwrapped, skip_render_check=True)
-    env.close()
-    env.close()
-
-
-@pytest.mark.parametrize(("env_id", "backend"), BOTH)
-def test_stable_baselines_checker_has_nothing_to_say(env_id, backend):
-    checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    env = gym.make(env_id, backend=backend)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        checker.check_env(env, warn=True, skip_render_check=True)
-        checker.check_env(env.unwrapped, warn=True, skip_render_check=True)
-    env.close()
-
-
-@pytest.mark.parametrize(("env_id", "backend"), BOTH)
-def test_same_trajectories_in_different_processes(env_id, backend):
-    code = f"import test_contract as t; print(t.trajectory_hash({env_id!r}, {backend!r}))"
-    command, folder = [sys.executable, "-c", code], Path(__file__).parent
-    runs = [subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    hashes = {run.communicate()[0].split()[-1] for run in runs}
-    assert all(run.returncode == 0 for run in runs)
-    assert len(hashes) == 1
-
-
-@pytest.mark.parametrize("env_id", env_ids())
-def test_masks_agree_and_arrays_are_never_shared(env_id):
-    env = gym.make(env_id, backend="analytic")
-    observation, info = env.reset(seed=1)
-    rng = np.random.default_rng(1)
-    for _ in range(5):
-        masks = env.get_wrapper_attr("action_masks")()
-        assert masks.dtype == bool and masks.any()
-        assert np.array_equal(observation["action_mask"], info["action_mask"])
-        assert np.array_equal(masks, info["action_mask"].astype(bool))
-        kept = {name: values.copy() for name, values in observation.items()}
-        following = env.step(int(rng.choice(np.flatnonzero(masks))))
-        assert all(np.array_equal(values, kept[name]) for name, values in observation.items())
-        assert not any(np.shares_memory(values, following[0][name]) for name, values in observation.items())
-        assert following[-1].keys() == info.keys() and "episode" not in info
-        assert [type(part) for part in following[1:4]] == [float, bool, bool]
-        observation, info = following[0], following[-1]
-
-
-BATCHES = [(env_id, task(env_id).headline, "NextStep", 64, 110) for env_id in env_ids()]
-BATCHES += [(env_id, task(env_id).scenarios[-1], mode, 8, 400) for env_id in env_ids() for mode in MODES]
+BATCHES = [(env_id, task(env_id).headline, "NextStep", 64, 110) for env_id in OWN]
+BATCHES += [(env_id, task(env_id).scenarios[-1], mode, 8, 400) for env_id in OWN for mode in ("NextStep", "SameStep")]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("env_id", "scenario", "mode", "worlds", "decisions"), BATCHES)
-def test_batch_equals_single_worlds(env_id, scenario, mode, worlds, decisions):
-    """On equal seeds and actions, every array of every world, through the ends of episodes."""
-    batch = gym.make_vec(
-        env_id, num_envs=worlds, vectorization_mode="vector_entry_point", scenario=scenario, autoreset_mode=mode
-    )
-    singles = [gym.make(env_id, backend="analytic", scenario=scenario) for _ in range(worlds)]
-    together, info = batch.reset(seed=100)
-    apart = [env.reset(seed=100 + i) for i, env in enumerate(singles)]
-    over, ends = np.zeros(worlds, bool), 0
-    rng = np.random.default_rng(0)
-    for _ in range(decisions):
-        for i, (observation, single_info) in enumerate(apart):
-            for name, values in observation.items():
-                assert np.array_equal(values, together[name][i])
-            for part in ("rewards", "phases_s", "scorecard"):
-                mine = np.array([single_info[part][key] for key in single_info[part]])
-                theirs = np.array([info[part][key][i] for key in single_info[part]])
-                assert np.array_equal(mine, theirs, equal_nan=True)
-        actions = legal_actions(together["action_mask"], rng)
-        together, reward, terminated, truncated, info = batch.step(actions)
-        next_over = np.zeros(worlds, bool)
-        for i, env in enumerate(singles):
-            if mode == "NextStep" and over[i]:
-                apart[i] = env.reset()
-                assert reward[i] == 0.0 and not terminated[i] and not truncated[i]
-                continue
-            observation, single_reward, end, cut, single_info = env.step(int(actions[i]))
-            assert (single_reward, end, cut) == (reward[i], terminated[i], truncated[i])
-            next_over[i] = end or cut
-            if mode == "SameStep" and next_over[i]:
-                last = info["final_obs"][i]
-                assert all(np.array_equal(values, last[name]) for name, values in observation.items())
-                apart[i] = env.reset()
-            else:
-                apart[i] = observation, single_info
-        over = next_over
-        ends += int(over.sum())
-    assert ends > 0 or decisions < 200
-    assert batch.metadata["autoreset_mode"].value == mode
+def test_larger_batches_equal_single_worlds(env_id, scenario, mode, worlds, decisions):
+    check_batch(env_id, scenario, mode, worlds, decisions)
+
+
+@pytest.mark.parametrize("env_id", OWN)
+def test_registration_is_idempotent_and_the_module_may_be_named(env_id):
+    register()
+    env = gym.make("fieldgym:" + env_id, backend="analytic")
+    assert env.spec is not None and env.spec.id == env_id
+
+
+@pytest.fixture(scope="module")
+def strawberry():
+    """The example's module, its task registered."""
+    sys.path.insert(0, str(EXAMPLES / "strawberry"))
+    module = importlib.import_module("strawberry")
+    register_task(module.SPEC)
+    yield module
+    sys.path.remove(str(EXAMPLES / "strawberry"))
+
+
+def test_a_task_of_one_s_own_keeps_it_too(strawberry):
+    told = []
+    assert list(check_task("farm/StrawberryPicking-v0", on_check=told.append)) == told
+
+
+def shares_its_arrays(core):
+    def observe(self):
+        if not hasattr(self, "kept"):
+            self.kept = core.observe(self)
+        for name, values in core.observe(self).items():
+            self.kept[name][...] = values
+        return self.kept
+
+    return {"observe": observe}
+
+
+def leaves_its_space(core):
+    return {"observe": lambda self: {**(seen := core.observe(self)), "machine": seen["machine"] + np.float32(99.0)}}
+
+
+def swaps_two_scores(core):
+    return {"score_names": (core.score_names[1], core.score_names[0], *core.score_names[2:])}
+
+
+def forgets_time(core):
+    return {"apply": lambda self, plan, outcome: core.apply(self, plan, outcome)._replace(phases_s=0.5 * outcome[3])}
+
+
+def counts_nothing_illegal(core):
+    def scores(self):
+        card = core.scores(self)
+        card[:, 7] = 0.0
+        return card
+
+    return {"scores": scores}
+
+
+def is_not_what_it_was_loaded_with(core):
+    def load(self, rows, batch):
+        core.load(self, rows, batch)
+        self.loads = getattr(self, "loads", 0) + 1
+        self.place[rows, 0, 0] += 0.01 * id(self) % 0.05
+
+    return {"load": load}
+
+
+def plays_with_open_dice(core):
+    def draw_field(self, generator):
+        return core.draw_field(self, np.random.default_rng())
+
+    return {"draw_field": draw_field}
+
+
+def depends_on_its_neighbours(core):
+    def observe(self):
+        seen = core.observe(self)
+        seen["machine"][:, 2] += np.float32(0.001 * (self.worlds - 1))
+        return seen
+
+    return {"observe": observe}
+
+
+def yields_more_than_there_is(core):
+    def scores(self):
+        card = core.scores(self)
+        card[:, 0] += 1.0
+        return card
+
+    return {"scores": scores}
+
+
+BREAKS = {
+    shares_its_arrays: "observation",
+    leaves_its_space: "space",
+    swaps_two_scores: "scorecard does not begin",
+    forgets_time: "phases do not add up",
+    counts_nothing_illegal: "not counted",
+    is_not_what_it_was_loaded_with: "other",
+    plays_with_open_dice: "other episodes|other observations",
+    depends_on_its_neighbours: "differs",
+    yields_more_than_there_is: "net_rate",
+}
+
+
+@pytest.mark.parametrize("fault", BREAKS, ids=lambda fault: fault.__name__)
+def test_a_task_that_breaks_it_is_told_where(strawberry, fault, monkeypatch):
+    name = fault.__name__.replace("_", "-")
+    core = type("Broken", (strawberry.StrawberryCore,), fault(strawberry.StrawberryCore))
+    parts = replace(strawberry.StrawberryEnv.assembly, core=core)
+    single = type("BrokenEnv", (strawberry.StrawberryEnv,), {"assembly": parts})
+    batch: type[TaskVectorEnv] = type("BrokenVectorEnv", (strawberry.StrawberryVectorEnv,), {"assembly": parts})
+    # Not registered under a module's name: what a fresh process does is checked with a task that it can import.
+    monkeypatch.setattr("fieldgym.testing._processes", lambda *args: None)
+    monkeypatch.setattr("fieldgym.testing._gymnasium", lambda *args: None)
+    monkeypatch.setattr("fieldgym.testing._stable_baselines", lambda *args: None)
+    monkeypatch.setattr("fieldgym.testing._specification", lambda *args: None)
+    spec = replace(strawberry.SPEC, id=f"broken/{name}-v0", entry_point=single, vector_entry_point=batch)
+    register_task(spec)
+    with pytest.raises(ContractError, match=BREAKS[fault]):
+        check_task(spec.id, worlds=3, decisions=40)
+
+
+def test_what_is_registered_twice_or_nowhere_is_named(strawberry):
+    assert fieldgym.task("strawberry:farm/StrawberryPicking-v0") is fieldgym.task("farm/StrawberryPicking-v0")
+    register_task(strawberry.SPEC)
+    with pytest.raises(ValueError, match="is called 'farm/StrawberryPicking-v0' already"):
+        register_task(replace(strawberry.SPEC, reference="random"))
+    with pytest.raises(ValueError, match=r"did you mean 'farm/StrawberryPicking-v0'"):
+        task("farm/StrawberyPicking-v0")
+    with pytest.raises(ValueError, match="cannot import no_such_module"):
+        task("no_such_module:farm/Nothing-v0")
+    with pytest.raises(ValueError, match="namespace/Name-v0"):
+        replace(strawberry.SPEC, id="Berries")
+    with pytest.raises(ValueError, match="name one of its policies"):
+        replace(strawberry.SPEC, reference="nobody")
+
+
+def test_a_policy_s_name_is_taken_once_and_is_a_word(strawberry):
+    register_policy("farm/StrawberryPicking-v0", "again", "strawberry:Nearest")
+    register_policy("farm/StrawberryPicking-v0", "again", "strawberry:Nearest")
+    assert policy_names("farm/StrawberryPicking-v0") == ("random", "nearest", "again")
+    for name, factory in (("nearest", "x:y"), ("random", "x:y"), ("again", "strawberry:Other")):
+        with pytest.raises(ValueError, match="already"):
+            register_policy("farm/StrawberryPicking-v0", name, factory)
+    for name in ("", "a b", "mine.py", "a:b", "a,b", "x.npz"):
+        with pytest.raises(ValueError, match="give a word"):
+            register_policy("farm/StrawberryPicking-v0", name, "x:y")
+
+
+def test_a_specification_is_a_value(strawberry):
+    assert isinstance(strawberry.SPEC, TaskSpec) and strawberry.SPEC == replace(strawberry.SPEC)
+    assert strawberry.SPEC.scenarios == ("wall", "dense") and strawberry.SPEC.headline == "wall"
+    assert strawberry.SPEC.backends == ("analytic",) and strawberry.SPEC.perceptions == ("perfect",)
