@@ -65,7 +65,7 @@ def geojson_content(text: str, field_type: type[Field], file: str) -> Content:
         if not isinstance(listed, list):
             raise FieldError(f"{file}: kinds = {show(listed)}: give a list of kinds, or remove it")
         kinds = listed
-    lines = feature_lines(text, len(features))
+    lines = object_lines(text, "features", len(features))
     rows = [_row(feature, field_type, file, line) for feature, line in zip(features, lines, strict=True)]
     points = [list(feature["geometry"]["coordinates"]) for feature in features if feature.get("geometry")]
     hints = dict.fromkeys(field_type.places, _DEGREES) if _like_degrees(points) else {}
@@ -87,22 +87,28 @@ def checked_features(data: Any, file: str) -> list[Any]:
     return features
 
 
-def feature_lines(text: str, features: int) -> list[int]:
-    """The line in which every feature begins."""
+def object_lines(text: str, name: str, count: int) -> list[int]:
+    """The line in which every object of the list ``name`` of the outermost object begins.
+
+    Args:
+        text: JSON that was parsed.
+        name: of the list.
+        count: what the list holds; line 1 stands for all where one is no object.
+    """
     breaks = [match.start() for match in re.finditer("\n", text)]
-    depth, name, listed, begins = 0, "", "", []
+    depth, last, listed, begins = 0, "", "", []
     for match in _SIGNS.finditer(text):
         sign = match[0]
         if sign[0] == '"':
-            name = sign if depth == 1 else name
+            last = sign if depth == 1 else last
         elif sign in "[{":
-            listed = name if depth == 1 else listed
-            if depth == 2 and listed == '"features"' and sign == "{":
+            listed = last if depth == 1 else listed
+            if depth == 2 and listed == f'"{name}"' and sign == "{":
                 begins.append(bisect_right(breaks, match.start()) + 1)
             depth += 1
         else:
             depth -= 1
-    return begins if len(begins) == features else [1] * features
+    return begins if len(begins) == count else [1] * count
 
 
 def point(feature: Any, where: str) -> tuple[list[Any], dict[str, Any]]:

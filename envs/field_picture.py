@@ -95,7 +95,7 @@ def _shades(colour: str, count: int) -> list[str]:
     """From a colour towards white, in ``count`` steps."""
     parts = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
     steps = np.linspace(0.0, 0.7, count)[:, None]
-    return ["#%02x%02x%02x" % tuple(shade) for shade in np.rint(parts + steps * (255 - parts)).astype(int).tolist()]
+    return ["#" + bytes(shade).hex() for shade in np.rint(parts + steps * (255 - parts)).astype(int).tolist()]
 
 
 def _repeated(items: Sequence[str]) -> list[str]:

@@ -16,7 +16,7 @@ from .config import EFFORTS, PerceptionModel, SafflowerConfig
 from .drawing import draw_batch, reach_table
 from .features import ACROSS_SCALE_M, HEIGHT_SCALE_M, LIMIT, SIZE_SCALE_M, C, Candidate, Machine
 from .field import SafflowerField
-from .filling import completed
+from .filling import completed, row_limits_m
 from .rules import apply_worlds, fill_rows, observe_worlds, plan_worlds, score_worlds
 from .state import PickerPlan, R, Rewards, Scores, T, empty_worlds, tables_of
 from .timing import DRIVE, NOTHING, Phases, levels_s
@@ -79,6 +79,11 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def unstack(self, batch: Batch) -> list[SafflowerField]:
         """The fields of a batch."""
         return unstack(batch, self.perception)
+
+    @property
+    def window(self) -> dict[str, tuple[float, float]]:
+        """Where along the row heads may be."""
+        return {"along_m": row_limits_m(self.config.scenario)}
 
     def complete(self, field: Any, generator: np.random.Generator) -> SafflowerField:
         """A field with nothing missing; see ``filling``."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..field import Array, Camera, FieldError, Flags, Table, Whole
 from .batch import Batch, places, stack, stop_centres, unstack
-from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig
+from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig, ScenarioConfig
 from .drawing import SIZE_SHARE, SPREAD_SIGMA, draw_tracks, random_numbers
 from .field import SPREAD_M, Heads, Plants, Reports, SafflowerField
 
@@ -99,6 +99,12 @@ def _open(heads: Heads) -> Flags:
     return np.isin(heads.stage, OPEN_STAGES)
 
 
+def row_limits_m(scenario: ScenarioConfig) -> tuple[float, float]:
+    """Where along the row heads may be: half a crown beyond the outer stops' windows."""
+    centres, margin = stop_centres(scenario), 0.5 * (scenario.window_m + scenario.crown_m[1])
+    return float(centres[0] - margin), float(centres[-1] + margin)
+
+
 def _fits(config: SafflowerConfig, heads: Heads, plants: int, reports: Reports | None) -> None:
     scenario = config.scenario
     slots = scenario.plants * scenario.max_heads
@@ -110,8 +116,7 @@ def _fits(config: SafflowerConfig, heads: Heads, plants: int, reports: Reports |
         raise FieldError(
             f"{len(reports)} reports: the scenario has room for {scenario.max_tracks}, raise scenario.max_tracks"
         )
-    centres, margin = stop_centres(scenario), 0.5 * (scenario.window_m + scenario.crown_m[1])
-    low, high = float(centres[0] - margin), float(centres[-1] + margin)
+    low, high = row_limits_m(scenario)
     outside = (heads.along_m < low) | (heads.along_m > high)
     _refuse_where(outside, "heads", heads, "along_m", f"outside the row, give {low:g} to {high:g} m")
     laden = ~_open(heads) & (heads.mass_g > 0.0)
