@@ -9,8 +9,8 @@ import numpy as np
 
 from ..envs.weeding.core import WeederOutcome
 from ..envs.weeding.process import dose
-from ..envs.weeding.rules import CROP_KIND, MODES, PAD
-from ..envs.weeding.timing import approach
+from ..envs.weeding.state import CROP_KIND, MODES, PAD, N
+from ..envs.weeding.timing import G, Place, approach
 
 
 def tended(core: Any, urgency: float) -> tuple[float, float]:
@@ -36,10 +36,10 @@ def tended(core: Any, urgency: float) -> tuple[float, float]:
             mode, weed = kills[track]
             if mode < 0 or not mask[slot, mode] or state.plant_dose[0, weed] >= state.plant_tolerance[0, weed]:
                 continue
-            told = state.track_report[0, track]
+            along, across = state.track_report[0, track, [G.along, G.across]].tolist()
             stand = float(tables.stand_s[mode])
-            way = approach(arm, stand, tuple(state.place[0].tolist()), cart, speed, float(told[0]), float(told[1]))
-            key = way.move_s + way.wait_s + stand + urgency * (float(told[0]) - cart) / speed
+            way = approach(arm, stand, Place(*state.place[0].tolist()), cart, speed, along, across)
+            key = way.move_s + way.wait_s + stand + urgency * (along - cart) / speed
             if key < best:
                 best, action = key, slot * MODES + mode
         plan = core.plan(np.array([action]))
@@ -53,10 +53,10 @@ def tended(core: Any, urgency: float) -> tuple[float, float]:
 def _kill(state: Any, work: Any, track: int) -> tuple[int, int]:
     """Lowest mode in which a track's shot kills a weed that stands near, and the weed; -1 where there is none."""
     aim = state.track_aim[0, track]
-    middle = PAD + int(state.track_near[0, track, 0])
+    middle = PAD + int(state.track_near[0, track, N.weed])
     for mode in range(MODES):
         for weed in range(max(middle - 3, 0), middle + 4):
-            along, across = (float(part) for part in state.plant[0, weed] - aim)
+            along, across = (state.plant[0, weed] - aim)[[G.along, G.across]].tolist()
             reached = abs(along) <= work.reach_m and state.plant_kind[0, weed] != CROP_KIND
             if reached and dose(work, mode, along, across, int(state.plant_kind[0, weed])) >= float(
                 state.plant_tolerance[0, weed]

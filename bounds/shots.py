@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.weeding.process import dose
-from ..envs.weeding.rules import CROP_KIND, MODES
+from ..envs.weeding.state import CROP_KIND, MODES, R
+from ..envs.weeding.timing import G
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -78,7 +79,7 @@ class _Option(NamedTuple):
 
 def _shots(options: list[_Option]) -> Shots:
     """In the order along the row, with the weeds that can be killed counted anew."""
-    options = sorted(options, key=lambda option: float(option.told[0]))
+    options = sorted(options, key=lambda option: float(option.told[G.along]))
     weeds = sorted({weed for option in options for weed in option.shares})
     index = {weed: i for i, weed in enumerate(weeds)}
     counts = [len(option.shares) for option in options]
@@ -120,13 +121,13 @@ def drawn_shots(core: Any, row: int, stray_m: float = 0.0) -> Shots:
     tracks, end = int(state.track_count[row]), tables.weeds_end
     aim, told = state.track_aim[row, :tracks], state.track_report[row, :tracks]
     plant, tolerance, kind = state.plant[row], state.plant_tolerance[row], state.plant_kind[row]
-    crop_price, energy_price = -float(tables.weights[1]), -float(tables.weights[3])
+    crop_price, energy_price = -float(tables.weights[R.crop]), -float(tables.weights[R.energy])
     # Doses on what stands near: weeds at their nearest, crop plants at their farthest.
     received: dict[int, dict[int, Array]] = {}
     harmed: dict[int, list[tuple[int, int]]] = {}
     for track in range(tracks):
         gap = plant - aim[track]
-        near = np.flatnonzero((np.abs(gap[:, 0]) <= work.reach_m + stray_m) & np.isfinite(tolerance))
+        near = np.flatnonzero((np.abs(gap[:, G.along]) <= work.reach_m + stray_m) & np.isfinite(tolerance))
         for p in near.tolist():
             distance = float(np.hypot(*gap[p]))
             off = distance + stray_m if kind[p] == CROP_KIND else max(distance - stray_m, 0.0)
@@ -191,7 +192,7 @@ def any_shots(core: Any, row: int) -> Shots:
     weeds = np.flatnonzero(np.isfinite(state.plant_tolerance[row, :end]))
     place, kind = state.plant[row, weeds], state.plant_kind[row, weeds]
     tolerance = (1.0 - _FORGIVEN) * state.plant_tolerance[row, weeds]
-    stand, energy_price = tables.stand_s, -float(tables.weights[3])
+    stand, energy_price = tables.stand_s, -float(tables.weights[R.energy])
     best = {k: np.array([dose(work, mode, 0.0, 0.0, k) for mode in range(MODES)]) for k in set(kind.tolist())}
     radius = np.array([_influence_m(work, int(k), _FAINT * t) for k, t in zip(kind, tolerance, strict=True)])
     share = np.array(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.compiled import compiled
-from ..envs.weeding.timing import approach, move_time, ready
+from ..envs.weeding.timing import G, Place, approach, move_time, ready
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -107,7 +107,10 @@ def build(arm: Any, strip: Strip, shortest_s: Array) -> tuple[Numbers, Any, Any,
     first_tick, last_tick = np.empty(n + 1, np.int64), np.empty(n + 1, np.int64)
     for j in range(n):
         far = strip.front_m + strip.slack_m[j]
-        enters, leaves = (strip.told_m[j, 0] - far - strip.cart_m) / v, (strip.told_m[j, 0] + far - strip.cart_m) / v
+        enters, leaves = (
+            (strip.told_m[j, G.along] - far - strip.cart_m) / v,
+            (strip.told_m[j, G.along] + far - strip.cart_m) / v,
+        )
         first_tick[j] = max(int((max(enters, 0.0) + strip.stand_s[j]) / dt), 1)
         last_tick[j] = min(int(leaves / dt) + 1, ticks - 1)
     first_tick[n], last_tick[n] = 0, ticks - 1
@@ -141,24 +144,24 @@ def build(arm: Any, strip: Strip, shortest_s: Array) -> tuple[Numbers, Any, Any,
         lean_low, lean_high = np.inf, -np.inf
         if waiting:
             place = ready(arm, cart)
-            lean_low, lean_high = place[1], place[1]
+            lean_low, lean_high = place.lean_m, place.lean_m
         else:
-            place = (strip.aim_m[i, 0], 0.0, strip.aim_m[i, 1])
+            place = Place(strip.aim_m[i, G.along], 0.0, strip.aim_m[i, G.across])
             for late in (shortest_s[i] - dt, strip.late_s):
                 # The lean was chosen a move and the standing time earlier.
                 then = cart - v * (strip.stand_s[i] + late)
-                stand, along, across = float(strip.stand_s[i]), strip.told_m[i, 0], strip.told_m[i, 1]
+                stand, along, across = float(strip.stand_s[i]), strip.told_m[i, G.along], strip.told_m[i, G.across]
                 lean = approach(arm, stand, place, then, v, along, across).lean_m
                 lean_low, lean_high = min(lean_low, lean), max(lean_high, lean)
             if tick + pause < ticks:
                 to[edges], option[edges] = number[n, tick + pause], n
                 edges += 1
-        aim = place[0] + (place[1] if waiting else 0.0)
+        aim = place.carrier_m + (place.lean_m if waiting else 0.0)
         # Ticks run backwards here, and with them the cart.
-        while high >= 0 and strip.told_m[high, 0] > cart + early_m:
+        while high >= 0 and strip.told_m[high, G.along] > cart + early_m:
             high -= 1
         for k in range(high, -1, -1):
-            told, across = strip.told_m[k, 0], strip.told_m[k, 1]
+            told, across = strip.told_m[k, G.along], strip.told_m[k, G.across]
             if told < cart - early_m:
                 break
             if last_tick[k] <= tick or k == i:
@@ -166,9 +169,9 @@ def build(arm: Any, strip: Strip, shortest_s: Array) -> tuple[Numbers, Any, Any,
             slack = strip.slack_m[k] + (0.0 if waiting else strip.slack_m[i])
             way = approach(arm, strip.stand_s[k], place, cart, v, told, across)
             move_s, lean = least_move_s(
-                arm, way.carrier_m, way.lean_m, across - place[2], aim, lean_low, lean_high, slack + grain
+                arm, way.carrier_m, way.lean_m, across - place.across_m, aim, lean_low, lean_high, slack + grain
             )
-            place = (aim - lean, lean, place[2])
+            place = Place(aim - lean, lean, place.across_m)
             way = approach(arm, strip.stand_s[k], place, cart, v, told, across)
             if not way.legal and slack == 0.0 and way.wait_s <= 0.0:
                 continue
@@ -201,7 +204,7 @@ def shortest_moves(arm: Any, told_m: Array, aim_m: Array, slack_m: Array, lean_m
     for k in range(len(told_m)):
         for i in range(len(told_m)):
             if i != k:
-                along, across = told_m[k, 0] - aim_m[i, 0], told_m[k, 1] - aim_m[i, 1]
+                along, across = told_m[k, G.along] - aim_m[i, G.along], told_m[k, G.across] - aim_m[i, G.across]
                 slack = slack_m[i] + slack_m[k]
                 move_s, _ = least_move_s(arm, along, 0.0, across, 0.0, -2.0 * lean_m, 2.0 * lean_m, slack)
                 shortest[k] = min(shortest[k], move_s)

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envs.weeding.rules import TIME
-from ..envs.weeding.timing import move_time
+from ..envs.weeding.state import T
+from ..envs.weeding.timing import A, G, move_time
 from .base import METHODS, REPORTS, Bound, state_of
 from .shots import STRAY_M, Shots, any_shots, drawn_shots
 from .strip import Strip, build, shortest_moves
@@ -42,11 +42,10 @@ class WeedingInstance:
 
     Attributes:
         shots: what can be done that kills.
-        tracks_s: (T,), when each track comes into the window at the earliest, ascending; None: any number at any time.
-        way_s: (T,), no way to a track is shorter.
         arm: numbers of the tool's arm.
-        stand_s: (M,), standing times of the modes.
+        longest_s: standing time of the longest mode.
         move_s: (J,), no way to an option is shorter.
+        drawn: whether the tracks are known, not only the weeds.
         weeds: true weeds of the strip.
         cart_m: position of the cart in the beginning.
         least_s: no episode is shorter.
@@ -56,11 +55,10 @@ class WeedingInstance:
     """
 
     shots: Shots
-    tracks_s: Array | None
-    way_s: Array
     arm: Any
-    stand_s: Array
+    longest_s: float
     move_s: Array
+    drawn: bool
     weeds: int
     cart_m: float
     least_s: float
@@ -96,24 +94,18 @@ class WeedingInstance:
     def cycle_time_at(self, net_rate: float) -> float:
         """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had.
 
-        Every shot counts as a target, whatever it hits.
+        Before the n-th weed dies the work and the ways that n weeds take at least are done, and n weeds have come in.
         """
-        least = max(math.ceil(net_rate * self.weeds - 1e-9), 0)
         shots = self.shots
+        least = max(math.ceil(net_rate * self.weeds - 1e-9), 1 if shots.weeds else 0)
         if least > shots.weeds:
             return math.inf
-        kill_s = float(np.sort(shots.least_work_s())[:least].sum())
-        last_s = float(np.sort(self._enters_s())[least - 1]) if least else 0.0
-        shortest = float(self.stand_s.min())
-        if self.tracks_s is None:
-            # Any number of shots: all but those that kill are the shortest ones there are, without a way.
-            count = np.maximum(least, 1) * np.array([1, 10, 100, 1000, 100_000])
-            return float((np.maximum(kill_s + (count - least) * shortest, last_s) / count)[-1])
-        count = np.arange(1, len(self.tracks_s) + 1)
-        ways = np.concatenate([[0.0], np.cumsum(np.sort(self.way_s))[: len(count) - 1]])
-        spent = np.maximum(kill_s + np.maximum(count - least, 0) * shortest, count * shortest) + ways
-        spent = np.maximum(np.maximum(spent, self.tracks_s + shortest), last_s)
-        return float((spent / count).min())
+        if not least:
+            return 0.0
+        worked_s = np.cumsum(np.sort(shots.least_work_s()))
+        moved_s = np.cumsum(np.sort(self._times_s())) - self._first_s()
+        last_s = np.maximum(np.maximum(worked_s, moved_s), np.sort(self._enters_s()))
+        return float((last_s / np.arange(1, shots.weeds + 1))[least - 1 :].min())
 
     @property
     def _fastest_m_s(self) -> float:
@@ -123,7 +115,7 @@ class WeedingInstance:
     def _enters_s(self) -> Array:
         """Earliest end (weeds,) of a shot that serves each weed."""
         shots, arm = self.shots, self.arm
-        ends = (shots.told_m[:, 0] - shots.slack_m - arm.front_m - self.cart_m) / self._fastest_m_s
+        ends = (shots.told_m[:, G.along] - shots.slack_m - arm.front_m - self.cart_m) / self._fastest_m_s
         ends = np.maximum(ends, 0.0) + shots.stand_s
         earliest = np.full(shots.weeds, np.inf)
         np.minimum.at(earliest, shots.share_weed, ends[shots.option_of_share()])
@@ -159,7 +151,7 @@ class WeedingInstance:
         one = np.ones(shots.weeds)
         nothing, cost = np.zeros(len(shots.cost) + 1), np.append(shots.cost, 0.0)
         # With any reports nearly everything can be killed: there is little to search for.
-        rounds = ROUNDS if self.tracks_s is not None else FEW_ROUNDS
+        rounds = ROUNDS if self.drawn else FEW_ROUNDS
         no_end = np.zeros(len(end_s))
         kills = priced(graph, one, nothing, no_end, guess, rounds=rounds, found=found_n, time_limit_s=seconds)
         end = -second * np.maximum(end_s, self.least_s)
@@ -187,7 +179,7 @@ class WeedingInstance:
 
     def _most_work(self) -> float:
         """Weeds that can be killed in the time allowed; the last decision may run over."""
-        longest = float(self.stand_s.max()) + late_s(self.arm)
+        longest = self.longest_s + late_s(self.arm)
         spent = np.cumsum(np.sort(self._times_s())) - self._first_s()
         return float(np.count_nonzero(spent <= self.config.time_limit_s + longest))
 
@@ -223,7 +215,7 @@ def _gap(bound: float, found: float) -> float:
 def late_s(arm: Any) -> float:
     """From setting out to the work no more passes than this: the widest move, and the longest wait."""
     ranges = arm.scale
-    widest = move_time(arm, 2.0 * ranges[0] + 0.1, 2.0 * ranges[1], 2.0 * ranges[2])
+    widest = move_time(arm, 2.0 * ranges[A.carrier] + 0.1, 2.0 * ranges[A.lean], 2.0 * ranges[A.across])
     return float(widest) + float(arm.early_s)
 
 
@@ -242,31 +234,30 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInsta
     if reports not in REPORTS:
         raise ValueError(f"reports = {reports!r}: choose one of {', '.join(REPORTS)}")
     state, tables, config, arm = state_of(core), core.tables, core.config, core.machine
-    if state.totals[row, TIME] > 0.0:
+    if state.totals[row, T.time] > 0.0:
         raise ValueError("the episode is under way: an instance is read right after a reset")
     fastest = float(config.cart.speed_range_m_s[1]) if config.speed_control else float(config.speed_m_s)
     cart = float(state.cart[row])
     least_s = (tables.end_m - tables.blind_m - cart) / fastest
     if reports == "any":
-        shots, tracks, ways = any_shots(core, row), None, np.zeros(0)
+        shots = any_shots(core, row)
         words = "any reports and any number of tracks a weed"
     else:
         shots = drawn_shots(core, row, 0.0 if reports == "drawn" else STRAY_M)
         n = int(state.track_count[row])
-        told, aim = state.track_report[row, :n].copy(), state.track_aim[row, :n].copy()
-        tracks = np.maximum((told[:, 0] - arm.front_m - cart) / fastest, 0.0)
-        ways = shortest_moves(arm, told, aim, np.zeros(n), _lean_m(arm), float(config.cart.moment_s))
+        tracks = np.maximum((state.track_report[row, :n, G.along] - arm.front_m - cart) / fastest, 0.0)
         # The episode goes on until every track has been shot at or has left.
         least_s = max(least_s, float(tracks.max(initial=0.0)) + float(tables.stand_s.min()))
         words = "tracks as drawn" if reports == "drawn" else "tracks as drawn, the tool strays"
-    moves = shortest_moves(arm, shots.told_m, shots.aim_m, shots.slack_m, _lean_m(arm), float(config.cart.moment_s))
+    moves = shortest_moves(
+        arm, shots.told_m, shots.aim_m, shots.slack_m, float(arm.scale[A.lean]), float(config.cart.moment_s)
+    )
     return WeedingInstance(
         shots=shots,
-        tracks_s=None if tracks is None else np.sort(tracks),
-        way_s=ways,
         arm=arm,
-        stand_s=tables.stand_s,
+        longest_s=float(tables.stand_s.max()),
         move_s=moves,
+        drawn=reports != "any",
         weeds=int(state.weeds[row]),
         cart_m=cart,
         least_s=max(least_s, 0.0),
@@ -274,8 +265,3 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInsta
         config=config,
         words=words,
     )
-
-
-def _lean_m(arm: Any) -> float:
-    """Range of the arm's lean along the row, to either side."""
-    return float(arm.scale[1])

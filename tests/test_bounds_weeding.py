@@ -14,7 +14,7 @@ from fieldgym.bounds import shots, strip, timeline, weeding
 from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.core import WeederOutcome, WeedingCore
 from fieldgym.envs.weeding.perception import PerceptionModel
-from fieldgym.envs.weeding.timing import approach, move_time
+from fieldgym.envs.weeding.timing import Place, approach, move_time
 from fieldgym.envs.weeding.tools.laser.aim import LaserArm, LaserReach
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
@@ -51,7 +51,7 @@ def best_by_trying(core: WeedingCore) -> tuple[float, float, list[tuple[float, f
             value = total + float(result.rewards.sum())
             scores = dict(zip(child.score_names, child.scores()[0].tolist(), strict=True))
             best_rate = max(best_rate, scores["net_rate"])
-            if scores["shots"]:
+            if scores["done"]:
                 cycles.append((scores["net_rate"], scores["cycle_time_s"]))
             if result.terminated[0] or result.truncated[0]:
                 best_return = max(best_return, value)
@@ -159,7 +159,7 @@ def test_a_lean_lies_between_those_of_the_earliest_and_the_latest_start():
     arm, rng = LaserArm.of(LaserReach(), 0.4), np.random.default_rng(1)
     for _ in range(200):
         along, stand, carts = rng.uniform(-0.4, 0.6), rng.uniform(0.2, 1.0), np.sort(rng.uniform(-0.2, 0.2, 3))
-        leans = [approach(arm, stand, (0.0, 0.0, 0.0), cart, 0.1, along, 0.0).lean_m for cart in carts.tolist()]
+        leans = [approach(arm, stand, Place(0.0, 0.0, 0.0), cart, 0.1, along, 0.0).lean_m for cart in carts.tolist()]
         assert leans[0] + EXACT >= leans[1] >= leans[2] - EXACT
 
 

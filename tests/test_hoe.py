@@ -15,11 +15,10 @@ from fieldgym.agents import make_policy, policy_names
 from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.core import WeedingCore
-from fieldgym.envs.weeding.field import PAD
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.process import dose
-from fieldgym.envs.weeding.rules import NOTHING, WAIT
-from fieldgym.envs.weeding.timing import approach, move_time
+from fieldgym.envs.weeding.state import NOTHING, PAD, WAIT, T
+from fieldgym.envs.weeding.timing import Place, approach, move_time
 from fieldgym.envs.weeding.tools.hoe.arm import HoeArm, HoeReach
 from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
 from fieldgym.envs.weeding.tools.hoe.machine import check_reach, hoe_parameters, poses, tip_way
@@ -190,7 +189,7 @@ def test_labels_rise_with_the_stage_and_crop_loss_falls_with_the_gap():
 def test_a_stir_takes_move_plunge_turn_and_lift_while_the_cart_drives_on():
     core = toy([(0.0, 0.05), (0.1, -0.1)])
     drive_until(core, 0)
-    cart, begun = float(core.state.cart[0]), float(core.state.totals[0, 0])
+    cart, begun = float(core.state.cart[0]), float(core.state.totals[0, T.time])
     plan, result = act(core, 3 * 0 + NORMAL)
     move, wait, plunge, stir, lift, pause = result.phases_s[0]
     stroke = plan.target[0] - plan.start[0]
@@ -229,14 +228,14 @@ def test_a_crop_plant_whose_roots_are_swept_is_lost():
         _, result = act(core, DEEP)
         depth = 0.035 * covered_share(0.027, 0.010, gap)
         assert (depth >= 0.006) == lost
-        assert result.rewards[0, 1] == (-5.0 if lost else 0.0) and core.state.totals[0, 2] == float(lost)
+        assert result.rewards[0, 1] == (-5.0 if lost else 0.0) and core.state.totals[0, T.crop] == float(lost)
 
 
 def test_an_illegal_stir_costs_time_and_nothing_else():
     core = toy([(0.0, 0.1)])
     plan, result = act(core, 7)
     assert plan.kind[0] == NOTHING and result.phases_s.sum() >= core.config.cart.illegal_s
-    assert core.state.totals[0, 3] == 1.0 and result.rewards[0, 0] == 0.0
+    assert core.state.totals[0, T.illegal] == 1.0 and result.rewards[0, 0] == 0.0
 
 
 @settings(max_examples=60, deadline=None)
@@ -245,7 +244,7 @@ def test_a_legal_stir_keeps_the_blade_within_its_travel(along, across, speed):
     reach = HoeReach()
     arm = HoeArm.of(reach, 0.4)
     for stand in HOE.work_s.sum(axis=1).tolist():
-        found = approach(arm, stand, (0.05, 0.0, 0.0), 0.0, speed, along, across)
+        found = approach(arm, stand, Place(0.05, 0.0, 0.0), 0.0, speed, along, across)
         begins = along - speed * (found.move_s + found.wait_s)
         inside = begins <= reach.travel_m + 1e-9 and begins - speed * stand >= -reach.travel_m - 1e-9
         allowed = inside and found.wait_s <= 0.4 and abs(across) <= reach.half_width_m
@@ -288,7 +287,7 @@ def best_of_all(weeds, **changes):
                 option = 3 * slots.index(weed) + NORMAL
                 act(core, option if core.option_legal(0, option) else 3 * core.config.slots)
                 slots = core.state.slot_track[0].tolist()
-        best = max(best, float(core.state.totals[0, 1]))
+        best = max(best, float(core.state.totals[0, T.killed]))
     return best
 
 

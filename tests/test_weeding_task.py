@@ -13,11 +13,12 @@ import fieldgym  # noqa: F401
 from fieldgym.agents import make_policy
 from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.weeding.config import SCENARIOS
-from fieldgym.envs.weeding.field import PAD, draw_blocks, draw_plants, random_numbers
+from fieldgym.envs.weeding.field import draw_blocks, draw_plants, random_numbers
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.process import dose
-from fieldgym.envs.weeding.rules import NOTHING, WAIT, move_up_rows
-from fieldgym.envs.weeding.timing import approach, move_time, way_of, ways_of
+from fieldgym.envs.weeding.rules import move_up_rows
+from fieldgym.envs.weeding.state import NOTHING, PAD, WAIT, T
+from fieldgym.envs.weeding.timing import Place, approach, move_time, way_of, ways_of
 from fieldgym.envs.weeding.tools.laser.aim import LaserArm, LaserReach, poses, spot
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
@@ -35,7 +36,7 @@ from fieldgym.motion import QUINTIC
 
 REACH = LaserReach()
 ARM = LaserArm.of(REACH, early_s=0.4)
-MIDDLE = 0.0, 0.0, 0.0
+MIDDLE = Place(0.0, 0.0, 0.0)
 
 
 def toy(weeds, kinds=None, crop_at=None, **changes):
@@ -77,7 +78,7 @@ def test_a_shot_takes_move_correction_and_burn_and_the_cart_drives_on():
     while not core.option_legal(0, 1):
         plan, result = act(core, 3 * core.config.slots)
         assert plan.kind[0] == WAIT and result.phases_s.sum() >= core.config.cart.moment_s - 1e-12
-    waited = float(core.state.totals[0, 0])
+    waited = float(core.state.totals[0, T.time])
     assert core.state.cart[0] == pytest.approx(cart + speed * waited, abs=1e-12)
     plan, result = act(core, 1)
     move, wait, correct, burn, pause = result.phases_s[0]
@@ -116,7 +117,7 @@ def test_a_crop_plant_beside_the_beam_dies():
     _, result = act(core, 1)
     dose = 75.0 * np.exp(-2.0 * 0.004**2 / (0.003**2 + 0.006**2))
     assert dose > 15.0 and result.rewards[0, 1] == -5.0
-    assert core.state.totals[0, 2] == 1.0
+    assert core.state.totals[0, T.crop] == 1.0
 
 
 def test_weeds_that_nobody_shoots_leave_and_count_as_missed():
@@ -135,7 +136,7 @@ def test_an_illegal_shot_costs_time_and_nothing_else():
     plan, result = act(core, 7)
     assert plan.kind[0] == NOTHING and result.rewards[0, 0] == 0.0
     assert result.phases_s.sum() >= core.config.cart.illegal_s
-    assert core.state.totals[0, 3] == 1.0
+    assert core.state.totals[0, T.illegal] == 1.0
 
 
 def test_tracks_of_a_camera_stay_listed_until_they_leave_and_end_the_strip():

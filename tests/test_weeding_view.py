@@ -9,7 +9,6 @@ import pytest
 import fieldgym  # noqa: F401
 from fieldgym.envs.weeding.config import SCENARIOS, CartConfig
 from fieldgym.envs.weeding.field import (
-    FAR_M,
     draw_blocks,
     draw_plants,
     draw_tracks,
@@ -20,6 +19,7 @@ from fieldgym.envs.weeding.field import (
     track_chance,
 )
 from fieldgym.envs.weeding.perception import PerceptionModel
+from fieldgym.envs.weeding.state import FAR_M
 from fieldgym.envs.weeding.tools.laser.calibration import MATCH_M, factors, kept, match
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.machine import weeder_parameters

@@ -9,23 +9,19 @@ from numpy.typing import NDArray
 
 from ...envs.weeding.features import (
     ALONG_SCALE_M,
-    CANDIDATE_FEATURES,
     CROP_GAP_SCALE_M,
-    MACHINE_FEATURES,
     SPEED_SCALE,
     TIME_SCALE_S,
+    C,
+    M,
     candidate_table,
 )
-from ...envs.weeding.rules import MODES
+from ...envs.weeding.state import MODES
 from .base import Actions, ConfiguredPolicy, Observation
 from .weeding_outlook import outlook
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
-_COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
-_MACHINE = {name: i for i, name in enumerate(MACHINE_FEATURES)}
-_M = MODES
 
 
 class View(NamedTuple):
@@ -62,20 +58,20 @@ class ScriptedWeeder(ConfiguredPolicy):
     def __init__(self, config: Any):
         """Take the tool's chances and times."""
         self.config, self.outlook = config, outlook(config)
-        self.wait = _M * config.slots
+        self.wait = MODES * config.slots
 
     def read(self, observation: Observation) -> View:
         """Expected effects of every shot that the observation offers."""
         tool, weights = self.outlook, self.config.weights
         table = candidate_table(observation).astype(np.float64)
         k = table.shape[1]
-        legal = observation["action_mask"][:, : _M * k].reshape(len(table), k, _M) > 0
-        species = (table[..., _COLUMN["grass"]] > 0.5).astype(np.int64)
-        stage = table[..., _COLUMN["cotyledon"] : _COLUMN["four_leaf"] + 1].argmax(axis=-1)
+        legal = observation["action_mask"][:, : MODES * k].reshape(len(table), k, MODES) > 0
+        species = (table[..., C.grass] > 0.5).astype(np.int64)
+        stage = table[..., C.cotyledon : C.four_leaf + 1].argmax(axis=-1)
         chance = tool.chance[species, stage]
-        harm = tool.harm(table[..., _COLUMN["crop_gap"]] * CROP_GAP_SCALE_M)
+        harm = tool.harm(table[..., C.crop_gap] * CROP_GAP_SCALE_M)
         value = weights.killed * chance + weights.crop * harm + weights.joules * tool.energy_j
-        reach_s = (table[..., _COLUMN["move"]] + table[..., _COLUMN["wait"]]) * TIME_SCALE_S
+        reach_s = (table[..., C.move] + table[..., C.wait]) * TIME_SCALE_S
         # A shot that is expected to do more harm than good is not on the list of any rule.
         legal &= value > 0.0
         time_s = reach_s[..., None] + tool.work_s
@@ -94,14 +90,14 @@ class ScriptedWeeder(ConfiguredPolicy):
 
 def _only(legal: Flags, label: NDArray[np.int64]) -> Flags:
     """Legal shots with the label dose."""
-    return legal & (np.arange(_M) == label[..., None])
+    return legal & (np.arange(MODES) == label[..., None])
 
 
 def _label_or_less(legal: Flags, label: NDArray[np.int64]) -> Flags:
     """Legal shots with the highest legal dose up to the label's."""
-    able = legal & (np.arange(_M) <= label[..., None])
-    highest = _M - 1 - able[..., ::-1].argmax(axis=-1)
-    return able & (np.arange(_M) == highest[..., None])
+    able = legal & (np.arange(MODES) <= label[..., None])
+    highest = MODES - 1 - able[..., ::-1].argmax(axis=-1)
+    return able & (np.arange(MODES) == highest[..., None])
 
 
 class Fifo(ScriptedWeeder):
@@ -168,7 +164,7 @@ class _SpeedRule:
 
     def __init__(self, policy: ScriptedWeeder):
         self._policy = policy
-        self._block = _M * policy.config.slots + 1
+        self._block = MODES * policy.config.slots + 1
 
     def change(self, observation: Observation) -> NDArray[np.int64]:
         """Block (B,) of the action."""
@@ -197,7 +193,7 @@ class AtSpeed(_SpeedRule):
 
     def change(self, observation: Observation) -> NDArray[np.int64]:
         """Block (B,) of the action."""
-        speed = observation["machine"][:, _MACHINE["set_speed"]] * SPEED_SCALE
+        speed = observation["machine"][:, M.set_speed] * SPEED_SCALE
         return np.where(speed > self._target + self._half, 1, np.where(speed < self._target - self._half, 2, 0))
 
 
@@ -221,9 +217,9 @@ class HoldBacklog(_SpeedRule):
         """Block (B,) of the action."""
         view = self._policy.read(observation)
         table = candidate_table(observation)
-        present = table[..., 0] > 0.5
+        present = table[..., C.present] > 0.5
         work = np.where(present, self._move_s + view.work_s[view.label], 0.0).sum(axis=1)
-        way = np.where(present, table[..., _COLUMN["along"]] * ALONG_SCALE_M + self._front, 0.0).max(axis=1)
-        speed = np.maximum(observation["machine"][:, _MACHINE["set_speed"]] * SPEED_SCALE, 1e-3)
+        way = np.where(present, table[..., C.along] * ALONG_SCALE_M + self._front, 0.0).max(axis=1)
+        speed = np.maximum(observation["machine"][:, M.set_speed] * SPEED_SCALE, 1e-3)
         backlog = work * speed / np.maximum(way, 0.5 * self._front)
         return np.where(backlog > self._high, 1, np.where(backlog < self._low, 2, 0))

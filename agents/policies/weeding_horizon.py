@@ -8,16 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...envs.compiled import bind, compiled
-from ...envs.weeding.features import ACROSS_SCALE_M, ALONG_SCALE_M, CANDIDATE_FEATURES, MACHINE_FEATURES, SPEED_SCALE
-from ...envs.weeding.timing import approach, move_time
+from ...envs.weeding.features import ACROSS_SCALE_M, ALONG_SCALE_M, SPEED_SCALE, C, M
+from ...envs.weeding.timing import A, G, Place, approach, move_time
 from .base import Actions, Observation
 from .search import NOTHING, Step, search
 from .weeding import AtSpeed, HoldBacklog, ScriptedWeeder
 
 Array = NDArray[np.float64]
 
-_PRESENT, _ALONG, _ACROSS = (CANDIDATE_FEATURES.index(name) for name in ("present", "along", "across"))
-_SPEED = MACHINE_FEATURES.index("speed")
 _STILL_M_S = 1e-3
 """A cart is taken to drive at least this fast."""
 
@@ -61,9 +59,9 @@ def extend(
     """One more shot; for the first the mask knows better than the estimate."""
     if not problem.value[w, candidate, option] > 0.0 or (first and not problem.legal[w, candidate, option]):
         return Step(x, y, z, clock_s, 0.0, False)
-    along, across = problem.place[w, candidate, 0], problem.place[w, candidate, 1]
+    along, across = problem.place[w, candidate, G.along], problem.place[w, candidate, G.across]
     stand_s, speed = problem.stand_s[option], problem.speed[w]
-    way = approach(problem.arm, stand_s, (x, y, z), speed * clock_s, speed, along, across)
+    way = approach(problem.arm, stand_s, Place(x, y, z), speed * clock_s, speed, along, across)
     done_s = clock_s + (way.move_s + way.wait_s) + stand_s
     return Step(way.carrier_m, way.lean_m, way.across_m, done_s, problem.value[w, candidate, option], way.legal)
 
@@ -95,19 +93,19 @@ def measure_moves(shots: Shots, start: Array, share: float) -> None:
         for i in range(k + 1):
             passed = 0.0
             if i < k:
-                lean, across = share * shots.place[w, i, 0], shots.place[w, i, 1]
-                carrier = shots.place[w, i, 0] - lean
+                lean, across = share * shots.place[w, i, G.along], shots.place[w, i, G.across]
+                carrier = shots.place[w, i, G.along] - lean
                 passed = share * shots.speed[w] * shots.rest_s[w, i]
             else:
-                carrier, lean, across = start[w, 0], start[w, 1], start[w, 2]
+                carrier, lean, across = start[w, A.carrier], start[w, A.lean], start[w, A.across]
             for j in range(k):
-                along = shots.place[w, j, 0]
+                along = shots.place[w, j, G.along]
                 to_lean = share * along
                 shots.move_s[w, i, j] = move_time(
                     shots.arm,
                     along - to_lean - carrier + passed,
                     to_lean - lean - passed,
-                    shots.place[w, j, 1] - across,
+                    shots.place[w, j, G.across] - across,
                 )
 
 
@@ -151,11 +149,11 @@ class RecedingHorizon(ScriptedWeeder):
         """Actions (B,)."""
         view, arm = self.read(observation), self.outlook.arm
         b, k = view.label.shape
-        present = view.table[..., _PRESENT] > 0.5
-        place = view.table[..., [_ALONG, _ACROSS]] * [ALONG_SCALE_M, ACROSS_SCALE_M]
+        present = view.table[..., C.present] > 0.5
+        place = view.table[..., [C.along, C.across]] * [ALONG_SCALE_M, ACROSS_SCALE_M]
         machine = observation["machine"].astype(np.float64)
-        speed = np.maximum(machine[:, _SPEED] * SPEED_SCALE, _STILL_M_S)
-        start = machine[:, :3] * arm.scale
+        speed = np.maximum(machine[:, M.speed] * SPEED_SCALE, _STILL_M_S)
+        start = machine[:, [M.place, M.lean_along, M.lean_across]] * arm.scale
         labelled = np.take_along_axis(view.value, view.label[..., None], axis=2)[..., 0]
         pace = 1.0 / speed[:, None]
         shots = Shots(
@@ -168,8 +166,8 @@ class RecedingHorizon(ScriptedWeeder):
             legal=view.legal,
             rest_value=np.where(present, labelled, 0.0),
             rest_s=view.work_s[view.label],
-            opens_s=(place[..., 0] - arm.front_m) * pace,
-            leaves_s=(place[..., 0] + arm.front_m) * pace - self._reserve_s,
+            opens_s=(place[..., G.along] - arm.front_m) * pace,
+            leaves_s=(place[..., G.along] + arm.front_m) * pace - self._reserve_s,
             move_s=np.empty((b, k + 1, k)),
         )
         measure_moves(shots, start, self.outlook.lean_share)

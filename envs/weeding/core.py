@@ -9,28 +9,17 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ..core import COMMON_SCORES, Array, Rows, StepResult, TaskCore
+from ..columns import names
+from ..core import Array, Rows, StepResult, TaskCore
 from .config import FieldTask
-from .features import CANDIDATE_FEATURES, MACHINE_FEATURES, track_features
-from .field import FAR_M, PAD, crop_index, draw_blocks, draw_plants, draw_tracks, random_numbers, track_capacity
+from .features import LIMIT, C, Candidate, M, Machine, track_features
+from .field import crop_index, draw_blocks, draw_plants, draw_tracks, random_numbers, track_capacity
 from .perception import PerceptionModel
 from .process import WeedingProcess
-from .rules import (
-    BLOCKS,
-    CROP_KIND,
-    MODES,
-    TOTALS,
-    WAIT,
-    Tables,
-    WeederPlan,
-    Worlds,
-    apply_worlds,
-    legal_option,
-    move_up_rows,
-    plan_worlds,
-)
+from .rules import apply_worlds, legal_option, move_up_rows, plan_worlds
 from .showing import observe_worlds, score_worlds
-from .timing import ready
+from .state import BLOCKS, MODES, PAD, WAIT, Common, N, Own, R, Rewards, WeederPlan, empty_worlds, tables_of
+from .timing import G, Moving, ready
 
 REAL_M = 0.02
 """A camera's track has a weed behind it when one stands this near to where it is shot at."""
@@ -57,7 +46,9 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         worlds: number of worlds B.
     """
 
-    reward_names = ("killed", "crop", "time", "energy")
+    reward_names = names(Rewards)
+    machine_features = names(Machine)
+    candidate_features = names(Candidate)
 
     def __init__(
         self,
@@ -70,70 +61,27 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         """Allocate the state."""
         super().__init__(worlds)
         self.config, self.machine, self.process, self.perception = config, machine, process, perception
-        scenario, cart, weights, k, b = config.scenario, config.cart, config.weights, config.slots, worlds
-        self.phase_names = ("move", "wait", *process.phases, "pause")
-        own = ("crop_loss_percent", "weeds_per_s", "joules_per_weed", "ha_per_h", "shots", "blank_shots")
-        self.score_names = (*COMMON_SCORES, *(f"phase_{name}_s" for name in self.phase_names), *own, "weeds", "tracks")
+        scenario, k = config.scenario, config.slots
+        self.phase_names = (*names(Moving), *process.phases, "pause")
+        self.score_names = (*names(Common), *(f"phase_{name}_s" for name in self.phase_names), *names(Own))
         self.base_actions = MODES * k + 1
         actions = (BLOCKS if config.speed_control else 1) * self.base_actions
         self.action_space = spaces.Discrete(actions)
         self.observation_space = spaces.Dict(
             {
-                "machine": spaces.Box(-10.0, 10.0, (len(MACHINE_FEATURES),), np.float32),
-                "candidates": spaces.Box(-10.0, 10.0, (k * len(CANDIDATE_FEATURES),), np.float32),
+                "machine": spaces.Box(-LIMIT, LIMIT, (len(M),), np.float32),
+                "candidates": spaces.Box(-LIMIT, LIMIT, (k * len(C),), np.float32),
                 "action_mask": spaces.Box(0, 1, (actions,), np.int8),
             }
         )
         self._numbers = random_numbers(scenario, perception or PerceptionModel.perfect())
         self._speed_m_s = config.speed_m_s
+        self.tables = tables_of(config, machine, process, perception.delay_s if perception else 0.0)
         # Weeds and crop plants lie in one array.
-        self.weeds_end = scenario.max_weeds + 2 * PAD
-        self.tables = Tables(
-            work_s=np.ascontiguousarray(process.work_s, dtype=np.float64),
-            stand_s=process.work_s.sum(axis=1),
-            energy_j=np.asarray(process.energy_j, dtype=np.float64),
-            pause_s=np.array([cart.moment_s, cart.illegal_s], float),
-            weights=np.array([weights.killed, weights.crop, weights.seconds, weights.joules], float),
-            weeds_end=self.weeds_end,
-            start_m=float(cart.start_m),
-            strip_m=float(scenario.strip_m),
-            end_m=float(scenario.strip_m + machine.front_m),
-            blind_m=float(cart.unseen_m + machine.front_m),
-            exit_m=float(machine.front_m),
-            delay_s=float(perception.delay_s if perception else 0.0),
-            speed_control=bool(config.speed_control),
-            notch_m_s=float(cart.notch_m_s),
-            speed_range_m_s=(float(cart.speed_range_m_s[0]), float(cart.speed_range_m_s[1])),
-            acceleration_m_s2=float(cart.acceleration_m_s2),
-            ha_s_per_m_h=0.36 * scenario.band_m,
-            time_limit_s=float(config.time_limit_s),
-        )
-        plants, tracks = self.weeds_end + scenario.crops, track_capacity(scenario, perception)
-        self.capacity = tracks
-        self.state = Worlds(
-            plant=np.full((b, plants, 2), FAR_M),
-            plant_kind=np.zeros((b, plants), np.int64),
-            plant_tolerance=np.full((b, plants), np.inf),
-            plant_dose=np.zeros((b, plants)),
-            weeds=np.zeros(b),
-            crops_in_strip=np.zeros(b),
-            track_report=np.full((b, tracks + 1, 2), FAR_M),
-            track_aim=np.full((b, tracks + 1, 2), FAR_M),
-            track_known_m=np.zeros((b, tracks + 1)),
-            track_near=np.ones((b, tracks + 1, 2), np.int64),
-            track_real=np.zeros((b, tracks + 1), bool),
-            track_feature=np.zeros((b, tracks + 1, len(CANDIDATE_FEATURES)), np.float32),
-            track_count=np.zeros(b, np.int64),
-            slot_track=np.full((b, k), tracks),
-            cursor=np.zeros(b, np.int64),
-            cart=np.zeros(b),
-            speed=np.ones(b),
-            set_speed=np.ones(b),
-            place=np.zeros((b, 3)),
-            totals=np.zeros((b, TOTALS)),
-            phases_s=np.zeros((b, len(self.phase_names))),
-        )
-        self.state.plant_kind[:, self.weeds_end :] = CROP_KIND
+        self.weeds_end = self.tables.weeds_end
+        self.capacity = track_capacity(scenario, perception)
+        self.state = empty_worlds(config, len(self.phase_names), self.capacity, worlds)
+        b, plants = self.state.plant_dose.shape
         # What the pictures show and the rules do not ask for.
         self.plant_exists = np.zeros((b, plants), bool)
         self.plant_species = np.zeros((b, plants), np.int64)
@@ -153,7 +101,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         config, process, state = self.config, self.process, self.state
         plants, tracks = batch
         weeds, crops = slice(PAD, self.weeds_end - PAD), slice(self.weeds_end, None)
-        along = plants.crop[..., 0]
+        along = plants.crop[..., G.along]
         inside = (along >= 0.0) & (along <= config.scenario.strip_m)
         state.plant[rows, weeds], state.plant[rows, crops] = plants.weed, plants.crop
         state.plant_kind[rows, weeds] = plants.stage
@@ -177,12 +125,14 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
             own = slice(None, self.capacity)
             state.track_report[rows, own], state.track_aim[rows, own] = tracks.report, tracks.aim
             state.track_known_m[rows, own] = tracks.line[..., 1]
-            state.track_near[rows, own, 0] = tracks.weed
-            state.track_near[rows, own, 1] = crop_index(config.scenario, tracks.aim[..., 0], config.scenario.crops)
+            state.track_near[rows, own, N.weed] = tracks.weed
+            state.track_near[rows, own, N.crop] = crop_index(
+                config.scenario, tracks.aim[..., G.along], config.scenario.crops
+            )
             state.track_real[rows, own] = tracks.real
             state.track_count[rows] = tracks.count
             state.track_feature[rows, own] = track_features(
-                tracks.report, tracks.species, tracks.stage, tracks.crop_gap_m
+                tracks.report[..., G.across], tracks.species, tracks.stage, tracks.crop_gap_m
             )
         move_up_rows(self.tables, state, rows)
 
@@ -201,12 +151,12 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         """
         state, n = self.state, min(len(report), self.capacity)
         state.track_report[row, :n] = state.track_aim[row, :n] = report[:n]
-        state.track_feature[row, :n] = track_features(report[:n], species[:n], stage[:n], crop_gap_m[:n])
+        state.track_feature[row, :n] = track_features(report[:n, G.across], species[:n], stage[:n], crop_gap_m[:n])
         for track in range(n):
             self._near(row, track)
         state.track_count[row] = state.cursor[row] = n
-        open_tracks = np.flatnonzero(~treated[:n] & (report[:n, 0] >= state.cart[row] - self.tables.exit_m))
-        nearest = open_tracks[np.argsort(report[open_tracks, 0], kind="stable")][: self.config.slots]
+        open_tracks = np.flatnonzero(~treated[:n] & (report[:n, G.along] >= state.cart[row] - self.tables.exit_m))
+        nearest = open_tracks[np.argsort(report[open_tracks, G.along], kind="stable")][: self.config.slots]
         state.slot_track[row] = self.capacity
         state.slot_track[row, : len(nearest)] = nearest
 
@@ -222,12 +172,12 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
     def _near(self, row: int, track: int) -> None:
         """Which plants a shot at a track may reach; for scoring alone."""
         state = self.state
-        along = state.track_aim[row, track, :1]
+        along = state.track_aim[row, track, : G.along + 1]
         weeds = state.plant[row, PAD : self.weeds_end - PAD]
-        nearest = int(np.argmin(np.abs(weeds[:, 0] - along)))
+        nearest = int(np.argmin(np.abs(weeds[:, G.along] - along)))
         gap_m = np.hypot(*(weeds - state.track_aim[row, track]).T).min()
         crop = crop_index(self.config.scenario, along, self.config.scenario.crops)
-        state.track_near[row, track] = nearest, int(crop[0])
+        state.track_near[row, track, N.weed], state.track_near[row, track, N.crop] = nearest, int(crop[0])
         state.track_real[row, track] = bool(gap_m < REAL_M)
 
     def plan(self, actions: NDArray[np.int64]) -> WeederPlan:
@@ -264,7 +214,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         kind = int(plan.kind[row])
         elapsed = float(result.phases_s[row].sum())
         if kind < WAIT:
-            effect = "weed dies" if result.rewards[row, 0] > 0.0 else "no kill"
-            harm = ", crop plant dies" if result.rewards[row, 1] < 0.0 else ""
+            effect = "weed dies" if result.rewards[row, R.killed] > 0.0 else "no kill"
+            harm = ", crop plant dies" if result.rewards[row, R.crop] < 0.0 else ""
             return f"{self.process.modes[kind]} dose on slot {int(plan.slot[row])}: {effect}{harm}, {elapsed:.2f} s"
         return f"{'wait' if kind == WAIT else 'illegal action'}: {elapsed:.2f} s"

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..single import TaskEnv
 from .core import WeederOutcome
-from .rules import WeederPlan
+from .state import WeederPlan
 
 
 class WeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):

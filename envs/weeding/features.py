@@ -1,30 +1,22 @@
-"""What policies are shown: names and scales of the observation's columns."""
+"""What policies are shown: one declaration of the observation's columns, for kernels, spaces and documentation.
+
+A feature is a quantity divided by its scale, to be of order one, and held to the space: what would be larger than
+``LIMIT`` is shown as ``LIMIT``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..columns import Says, numbered
 from ..core import Array
 
-MACHINE_FEATURES = ("place", "lean_along", "lean_across", "speed", "set_speed", "progress", "backlog")
-CANDIDATE_FEATURES = (
-    "present",
-    "along",
-    "across",
-    "leaves",
-    "move",
-    "wait",
-    "grass",
-    "cotyledon",
-    "two_leaf",
-    "four_leaf",
-    "crop_gap",
-)
-
+LIMIT = 10.0
+"""Largest size of a number that policies are shown."""
 ALONG_SCALE_M = 0.3
 ACROSS_SCALE_M = 0.2
 LEAVES_SCALE_S = 4.0
@@ -32,22 +24,57 @@ TIME_SCALE_S = 0.5
 SPEED_SCALE = 0.1
 CROP_GAP_SCALE_M = 0.05
 """What the features are divided by, to be of order one."""
+CROP_GAP_LIMIT = 4.0
+"""Farther than this, in units of the scale, a crop plant is out of every tool's reach."""
+
+
+class Machine(NamedTuple):
+    """The arm and its cart; a place is divided by its own range, see ``timing.Arm.scale``."""
+
+    place: Annotated[int, Says("m", "arm before the cart's middle / its range", 1.0, -LIMIT, LIMIT)]
+    lean_along: Annotated[int, Says("m", "what the tool leans along the row / its range", 1.0, -LIMIT, LIMIT)]
+    lean_across: Annotated[int, Says("m", "the tool's place across the row / its range", 1.0, -LIMIT, LIMIT)]
+    speed: Annotated[int, Says("m/s", "speed of the cart", SPEED_SCALE, 0.0, LIMIT)]
+    set_speed: Annotated[int, Says("m/s", "commanded speed of the cart", SPEED_SCALE, 0.0, LIMIT)]
+    progress: Annotated[int, Says("", "the cart's position / length of the strip", 1.0, -LIMIT, LIMIT)]
+    backlog: Annotated[int, Says("", "candidates / slots", 1.0, 0.0, 1.0)]
+
+
+class Candidate(NamedTuple):
+    """A track; all zero in an empty slot."""
+
+    present: Annotated[int, Says("", "1 where the slot is taken", 1.0, 0.0, 1.0)]
+    along: Annotated[int, Says("m", "report minus the cart's position along the row", ALONG_SCALE_M, -LIMIT, LIMIT)]
+    across: Annotated[int, Says("m", "report from the middle of the row", ACROSS_SCALE_M, -LIMIT, LIMIT)]
+    leaves: Annotated[int, Says("s", "time until it leaves the window", LEAVES_SCALE_S, 0.0, LIMIT)]
+    move: Annotated[int, Says("s", "motion to get there, in the normal mode", TIME_SCALE_S, 0.0, LIMIT)]
+    wait: Annotated[int, Says("s", "time until it is within the window then", TIME_SCALE_S, 0.0, LIMIT)]
+    grass: Annotated[int, Says("", "1 where a grass is reported", 1.0, 0.0, 1.0)]
+    cotyledon: Annotated[int, Says("", "1 where the cotyledon stage is reported", 1.0, 0.0, 1.0)]
+    two_leaf: Annotated[int, Says("", "1 where the two-leaf stage is reported", 1.0, 0.0, 1.0)]
+    four_leaf: Annotated[int, Says("", "1 where the four-leaf stage is reported", 1.0, 0.0, 1.0)]
+    crop_gap: Annotated[
+        int, Says("m", "reported distance to the nearest crop plant", CROP_GAP_SCALE_M, 0.0, CROP_GAP_LIMIT)
+    ]
+
+
+M, C = numbered(Machine), numbered(Candidate)
 
 
 def candidate_table(observation: Mapping[str, NDArray[Any]]) -> NDArray[np.float32]:
-    """Candidates (..., K, F) of an observation, one column a name of ``CANDIDATE_FEATURES``."""
+    """Candidates (..., K, F) of an observation, one column a field of ``Candidate``."""
     flat = observation["candidates"]
-    return flat.reshape(*flat.shape[:-1], -1, len(CANDIDATE_FEATURES))
+    return flat.reshape(*flat.shape[:-1], -1, len(C))
 
 
 def track_features(
-    report: Array, species: NDArray[np.int64], stage: NDArray[np.int64], gap_m: Array
+    across_m: Array, species: NDArray[np.int64], stage: NDArray[np.int64], crop_gap_m: Array
 ) -> NDArray[np.float32]:
     """What policies are shown of tracks (..., T) that does not depend on where the machine is."""
-    feature = np.zeros((*species.shape, len(CANDIDATE_FEATURES)), np.float32)
-    feature[..., 0] = 1.0
-    feature[..., 2] = report[..., 1] * (1.0 / ACROSS_SCALE_M)
-    feature[..., 6] = species
-    feature[..., 7:10] = stage[..., None] == np.arange(3)
-    feature[..., 10] = np.minimum(gap_m * (1.0 / CROP_GAP_SCALE_M), 4.0)
+    feature = np.zeros((*species.shape, len(C)), np.float32)
+    feature[..., C.present] = 1.0
+    feature[..., C.across] = np.clip(across_m * (1.0 / ACROSS_SCALE_M), -LIMIT, LIMIT)
+    feature[..., C.grass] = species
+    feature[..., C.cotyledon : C.four_leaf + 1] = stage[..., None] == np.arange(C.four_leaf + 1 - C.cotyledon)
+    feature[..., C.crop_gap] = np.minimum(crop_gap_m * (1.0 / CROP_GAP_SCALE_M), CROP_GAP_LIMIT)
     return feature

@@ -18,12 +18,10 @@ from scipy import stats
 
 from ..core import Array
 from .config import CartConfig, ScenarioConfig
-from .perception import PerceptionModel, SightingTable
+from .perception import PerceptionModel, Q, SightingTable
+from .state import FAR_M
+from .timing import G
 
-PAD = 2
-"""Empty places before and after the weeds of a world, so that a weed's neighbours always exist."""
-FAR_M = 1e3
-"""Where what does not exist lies."""
 _MARGIN_M = 0.15
 """Clusters are centred up to three cluster sigmas outside the strip."""
 
@@ -145,9 +143,9 @@ def draw_plants(scenario: ScenarioConfig, uniform: Array, normal: Array) -> Plan
     clustered = clustered + scenario.cluster_sigma_m * place_z
     place = np.where(within[..., None], clustered, low + size * place_u)
     there = np.arange(limit) < np.minimum(total + loose, limit)[:, None]
-    there &= (place[..., 0] >= 0.0) & (place[..., 0] <= scenario.strip_m)
-    there &= np.abs(place[..., 1]) <= 0.5 * scenario.band_m
-    order = np.argsort(np.where(there, place[..., 0], FAR_M), axis=1, kind="stable")[:, :n]
+    there &= (place[..., G.along] >= 0.0) & (place[..., G.along] <= scenario.strip_m)
+    there &= np.abs(place[..., G.across]) <= 0.5 * scenario.band_m
+    order = np.argsort(np.where(there, place[..., G.along], FAR_M), axis=1, kind="stable")[:, :n]
     exists = np.take_along_axis(there, order, axis=1)
     weed = np.where(exists[..., None], np.take_along_axis(place, order[..., None], axis=1), FAR_M)
 
@@ -158,7 +156,7 @@ def draw_plants(scenario: ScenarioConfig, uniform: Array, normal: Array) -> Plan
     luck, look = u.take(n), u.take(n)
     crops = scenario.crops
     crop = np.zeros((rows, crops, 2))
-    crop[..., 0] = scenario.crop_pitch_m * (np.arange(crops) - 0.5)
+    crop[..., G.along] = scenario.crop_pitch_m * (np.arange(crops) - 0.5)
     crop += np.asarray(scenario.crop_jitter_m) * np.clip(z.take(crops, 2), -3.0, 3.0)
     return Plants(weed, exists, species, stage, luck, look, crop, u.take(crops))
 
@@ -227,14 +225,14 @@ def draw_tracks(
     sighting = np.concatenate([sighting, false_sighting], axis=1)
     there = np.concatenate([seen & plants.exists[:, :used], false_there], axis=1)
     # From the front camera's view to the tool the odometry carries a track along the strip.
-    report = place + sighting[..., 0:2]
-    report[..., 0] += cart.unseen_m * perception.drift_share * normal
-    aim = np.where(sighting[..., 4:5] > 0.0, place + sighting[..., 2:4], report)
-    there &= np.abs(report[..., 1]) <= 0.5 * scenario.band_m
+    report = place + sighting[..., [Q.along, Q.across]]
+    report[..., G.along] += cart.unseen_m * perception.drift_share * normal
+    aim = np.where(sighting[..., Q.found, None] > 0.0, place + sighting[..., [Q.aim_along, Q.aim_across]], report)
+    there &= np.abs(report[..., G.across]) <= 0.5 * scenario.band_m
     gap = np.concatenate([crop_gap, nearest_crop(scenario, plants.crop, report[:, used:])], axis=1)
 
     count = np.count_nonzero(there, axis=1)
-    order = np.argsort(np.where(there, report[..., 0], FAR_M), axis=1, kind="stable")[:, : count.max()]
+    order = np.argsort(np.where(there, report[..., G.along], FAR_M), axis=1, kind="stable")[:, : count.max()]
     there = np.take_along_axis(there, order, axis=1)
     shape = len(uniform), track_capacity(scenario, perception)
 
@@ -250,11 +248,11 @@ def draw_tracks(
 
     report, aim = pick(report, FAR_M), pick(aim, FAR_M)
     weeds = np.zeros(shape, np.int64)
-    weeds[:, : order.shape[1]] = neighbours(plants, aim[:, : order.shape[1], 0])
+    weeds[:, : order.shape[1]] = neighbours(plants, aim[:, : order.shape[1], G.along])
     real = np.zeros(shape, bool)
     real[:, : order.shape[1]] = there & (order < used)
     line = np.full((*shape, 2), np.nan)
-    along = np.where(there, report[:, : order.shape[1], 0], np.nan)
+    along = np.where(there, report[:, : order.shape[1], G.along], np.nan)
     line[:, : order.shape[1], 0] = along
     line[:, : order.shape[1], 1] = along - cart.seen_ahead_m + perception.frames_m
     return Tracks(
@@ -262,8 +260,8 @@ def draw_tracks(
         aim=aim,
         weed=weeds,
         real=real,
-        species=pick(sighting[..., 5], 0.0).astype(np.int64),
-        stage=pick(sighting[..., 6], 0.0).astype(np.int64),
+        species=pick(sighting[..., Q.species], 0.0).astype(np.int64),
+        stage=pick(sighting[..., Q.stage], 0.0).astype(np.int64),
         line=line,
         crop_gap_m=pick(gap, 0.0),
         count=count,
@@ -320,7 +318,7 @@ def neighbours(plants: Plants, along_m: Array) -> NDArray[np.int64]:
     rows, n = plants.exists.shape
     result = np.empty(along_m.shape, np.int64)
     for row in range(rows):
-        weeds = plants.weed[row, :, 0]
+        weeds = plants.weed[row, :, G.along]
         right = np.searchsorted(weeds, along_m[row])
         left = np.maximum(right - 1, 0)
         right = np.minimum(right, n - 1)
@@ -331,11 +329,13 @@ def neighbours(plants: Plants, along_m: Array) -> NDArray[np.int64]:
 
 def nearest_crop(scenario: ScenarioConfig, crop: Array, place: Array) -> Array:
     """Distance (R, T) from places (R, T, 2) to the nearest crop plant (R, C, 2) of the middle row."""
-    index = crop_index(scenario, place[..., 0], crop.shape[1])
+    index = crop_index(scenario, place[..., G.along], crop.shape[1])
     best = np.full(place.shape[:-1], np.inf)
     for step in (-1, 0, 1):
         near = np.take_along_axis(crop, (index + step)[..., None], axis=1)
-        best = np.minimum(best, np.hypot(near[..., 0] - place[..., 0], near[..., 1] - place[..., 1]))
+        best = np.minimum(
+            best, np.hypot(near[..., G.along] - place[..., G.along], near[..., G.across] - place[..., G.across])
+        )
     return best
 
 
@@ -344,7 +344,7 @@ def nearest_weed(weed: Array, looked_at: int = 6) -> Array:
     best = np.full(weed.shape[:-1], np.inf)
     for step in range(1, min(looked_at, weed.shape[1] - 1) + 1):
         offset = weed[:, step:] - weed[:, :-step]
-        gap = np.hypot(offset[..., 0], offset[..., 1])
+        gap = np.hypot(offset[..., G.along], offset[..., G.across])
         np.minimum(best[:, step:], gap, out=best[:, step:])
         np.minimum(best[:, :-step], gap, out=best[:, :-step])
     return best

@@ -5,20 +5,34 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...kernels.config import Config, from_mapping, num
 from ...simulation.assets import asset_text
+from ..columns import Says, numbered
 from ..core import Array
 from .config import SPECIES, STAGES
 
 Sightings = tuple[tuple[tuple[float, ...], ...], ...]
-"""Classes of sightings, each sighting a row of seven numbers; see ``PerceptionModel``."""
+"""Classes of sightings, each sighting a row of seven numbers, see ``Sighting``."""
 
-_WIDTH = 7
+
+class Sighting(NamedTuple):
+    """A sighting as a row of numbers; places are relative to the plant."""
+
+    along: Annotated[int, Says("m", "where the front camera's track ends, along the row")]
+    across: Annotated[int, Says("m", "the same across")]
+    aim_along: Annotated[int, Says("m", "where the tool camera corrects it to, along the row")]
+    aim_across: Annotated[int, Says("m", "the same across")]
+    found: Annotated[int, Says("", "1 where the tool camera found a plant at all")]
+    species: Annotated[int, Says("", "reported index into ``SPECIES``")]
+    stage: Annotated[int, Says("", "reported index into ``STAGES``")]
+
+
+Q = numbered(Sighting)
 
 
 class SightingTable(NamedTuple):
@@ -33,10 +47,10 @@ class SightingTable(NamedTuple):
 class PerceptionModel(Config):
     """What front camera, tracks and tool camera report, as a statistical model.
 
-    Errors are not described by a law but drawn from those that were measured: a *sighting* is a row of seven numbers,
-    the place at which the front camera's track ends and the one that the tool camera corrects it to, both relative to
-    the plant (along, across, metres), whether the tool camera found a plant at all (1 or 0), and the reported species
-    and stage. So errors keep their long tails, and a bad track keeps its bad correction.
+    Errors are not described by a law but drawn from those that were measured: a *sighting* is a row of seven numbers
+    (see ``Sighting``): the place at which the front camera's track ends, the one that the tool camera corrects it to,
+    whether that found a plant at all, and the reported species and stage. So errors keep their long tails, and a bad
+    track keeps its bad correction.
 
     Fitted by ``scripts/measure_weed_cameras.py`` to rendered images; ``perfect`` is the truth.
     """
@@ -127,8 +141,10 @@ class PerceptionModel(Config):
             if len(table) != classes or not all(table):
                 self.refuse(name, f"give {classes} classes, every class with a sighting at least")
             rows = [row for rows in table for row in rows]
-            if any(len(row) != _WIDTH or min(row[4:]) < 0.0 or max(row[4:6]) > 1.0 for row in rows):
-                self.refuse(name, f"give rows of {_WIDTH}: four offsets in metres, found 0 or 1, species, stage")
+            if any(
+                len(row) != len(Q) or min(row[Q.found :]) < 0.0 or max(row[Q.found : Q.stage]) > 1.0 for row in rows
+            ):
+                self.refuse(name, f"give rows of {len(Q)}: four offsets in metres, found 0 or 1, species, stage")
 
     @cached_property
     def sighting_table(self) -> SightingTable:
@@ -178,7 +194,7 @@ def uncorrected(model: PerceptionModel) -> PerceptionModel:
     """The model of the same cameras where none looks from beside the tool: it works where the tracks say."""
 
     def blind(classes: Sightings) -> Sightings:
-        return tuple(tuple((*row[:4], 0.0, *row[5:]) for row in rows) for rows in classes)
+        return tuple(tuple((*row[: Q.found], 0.0, *row[Q.found + 1 :]) for row in rows) for rows in classes)
 
     return replace(model, sightings=blind(model.sightings), false_sightings=blind(model.false_sightings))
 

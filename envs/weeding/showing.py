@@ -9,39 +9,19 @@ from numpy.typing import NDArray
 
 from ..compiled import compiled
 from ..core import Array
-from .features import (
-    ALONG_SCALE_M,
-    CANDIDATE_FEATURES,
-    LEAVES_SCALE_S,
-    MACHINE_FEATURES,
-    SPEED_SCALE,
-    TIME_SCALE_S,
-)
-from .rules import (
-    BLANKS,
-    BLOCKS,
-    CROP,
-    ILLEGAL,
-    JOULES,
-    KILLED,
-    LAST,
-    MODES,
-    SHOTS,
-    TIME,
-    Tables,
-    Worlds,
-    approach_slot,
-)
+from .features import ALONG_SCALE_M, LEAVES_SCALE_S, LIMIT, SPEED_SCALE, TIME_SCALE_S, C, M
+from .rules import approach_slot
+from .state import BLOCKS, MODES, OWN, S, T, Tables, Worlds
+from .timing import A, G
 
-COMMON = 8
-"""Scores before the phases."""
-OWN = 8
-"""Scores behind them."""
+NORMAL = 1
+"""The mode whose motion and wait candidates are shown with."""
 
-_MACHINE, _FEATURES = len(MACHINE_FEATURES), len(CANDIDATE_FEATURES)
-_ALONG, _LEAVES, _MOVE, _WAIT = (CANDIDATE_FEATURES.index(name) for name in ("along", "leaves", "move", "wait"))
-_MOST = 10.0
-"""Features are at most this."""
+
+@compiled
+def held(value: float) -> float:
+    """A feature within what is shown."""
+    return min(max(value, -LIMIT), LIMIT)
 
 
 @compiled
@@ -51,36 +31,36 @@ def observe_worlds(
     """Features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, blocks * (3 K + 1))."""
     n, slots, empty = len(worlds.cart), worlds.slot_track.shape[1], worlds.track_real.shape[1] - 1
     base = MODES * slots + 1
-    machine = np.empty((n, _MACHINE), np.float32)
-    candidates = np.zeros((n, slots * _FEATURES), np.float32)
+    machine = np.empty((n, len(M)), np.float32)
+    candidates = np.zeros((n, slots * len(C)), np.float32)
     mask = np.zeros((n, BLOCKS * base if tables.speed_control else base), np.int8)
     for w in range(n):
         cart, speed = worlds.cart[w], worlds.speed[w]
         present = 0
         while present < slots and worlds.slot_track[w, present] != empty:
             present += 1
-        machine[w, 0] = (worlds.place[w, 0] - cart) / arm.scale[0]
-        machine[w, 1] = worlds.place[w, 1] / arm.scale[1]
-        machine[w, 2] = worlds.place[w, 2] / arm.scale[2]
-        machine[w, 3] = speed / SPEED_SCALE
-        machine[w, 4] = worlds.set_speed[w] / SPEED_SCALE
-        machine[w, 5] = cart / tables.strip_m
-        machine[w, 6] = present / slots
+        machine[w, M.place] = held((worlds.place[w, A.carrier] - cart) / arm.scale[A.carrier])
+        machine[w, M.lean_along] = held(worlds.place[w, A.lean] / arm.scale[A.lean])
+        machine[w, M.lean_across] = held(worlds.place[w, A.across] / arm.scale[A.across])
+        machine[w, M.speed] = held(speed / SPEED_SCALE)
+        machine[w, M.set_speed] = held(worlds.set_speed[w] / SPEED_SCALE)
+        machine[w, M.progress] = held(cart / tables.strip_m)
+        machine[w, M.backlog] = present / slots
         for k in range(present):
-            track, column = worlds.slot_track[w, k], k * _FEATURES
-            for feature in range(_FEATURES):
+            track, column = worlds.slot_track[w, k], k * len(C)
+            for feature in range(len(C)):
                 candidates[w, column + feature] = worlds.track_feature[w, track, feature]
-            ahead = worlds.track_report[w, track, 0] - cart
-            candidates[w, column + _ALONG] = min(ahead / ALONG_SCALE_M, _MOST)
-            candidates[w, column + _LEAVES] = min((ahead + tables.exit_m) / (speed * LEAVES_SCALE_S), _MOST)
+            ahead = worlds.track_report[w, track, G.along] - cart
+            candidates[w, column + C.along] = held(ahead / ALONG_SCALE_M)
+            candidates[w, column + C.leaves] = held((ahead + tables.exit_m) / (speed * LEAVES_SCALE_S))
         # What a mode shares in all slots is worked out once: the loop over the slots is the inner one.
         for mode in range(MODES):
             for k in range(present):
                 way = approach_slot(tables, arm, worlds, w, k, mode)
                 mask[w, MODES * k + mode] = way.legal
-                if mode == 1:
-                    candidates[w, k * _FEATURES + _MOVE] = min(way.move_s / TIME_SCALE_S, _MOST)
-                    candidates[w, k * _FEATURES + _WAIT] = min(way.wait_s / TIME_SCALE_S, _MOST)
+                if mode == NORMAL:
+                    candidates[w, k * len(C) + C.move] = held(way.move_s / TIME_SCALE_S)
+                    candidates[w, k * len(C) + C.wait] = held(way.wait_s / TIME_SCALE_S)
         mask[w, base - 1] = 1
         for action in range(base, mask.shape[1]):
             mask[w, action] = mask[w, action - base]
@@ -94,21 +74,22 @@ def score_worlds(tables: Tables, worlds: Worlds) -> Array:
     The net rate counts every true weed of the band, missed ones too.
     """
     phases = worlds.phases_s.shape[1]
-    result = np.empty((len(worlds.totals), COMMON + phases + OWN))
+    result = np.empty((len(worlds.totals), len(S) + phases + len(OWN)))
     for w in range(len(result)):
-        totals, weeds, score, own = worlds.totals[w], worlds.weeds[w], result[w], COMMON + phases
-        time_s, killed, shots = max(totals[TIME], 1e-9), totals[KILLED], max(totals[SHOTS], 1.0)
-        score[0] = killed / max(weeds, 1.0)
-        score[1] = totals[LAST] / shots
-        score[2] = 60.0 * killed / time_s
-        score[3], score[4], score[5] = totals[TIME], killed, weeds - killed
-        score[6], score[7] = totals[CROP], totals[ILLEGAL]
+        totals, weeds, score, own = worlds.totals[w], worlds.weeds[w], result[w], len(S) + phases
+        time_s, killed, shots = max(totals[T.time], 1e-9), totals[T.killed], totals[T.shots]
+        score[S.net_rate] = killed / max(weeds, 1.0)
+        score[S.cycle_time_s] = totals[T.last_kill] / max(killed, 1.0)
+        score[S.throughput_per_min] = 60.0 * killed / time_s
+        score[S.duration_s] = totals[T.time]
+        score[S.done], score[S.missed] = killed, weeds - killed
+        score[S.damaged], score[S.illegal] = totals[T.crop], totals[T.illegal]
         for phase in range(phases):
-            score[COMMON + phase] = worlds.phases_s[w, phase]
-        score[own] = 100.0 * totals[CROP] / max(worlds.crops_in_strip[w], 1.0)
-        score[own + 1] = killed / time_s
-        score[own + 2] = totals[JOULES] / max(killed, 1.0)
-        score[own + 3] = (worlds.cart[w] + tables.start_m) / time_s * tables.ha_s_per_m_h
-        score[own + 4], score[own + 5] = totals[SHOTS], totals[BLANKS]
-        score[own + 6], score[own + 7] = weeds, worlds.track_count[w]
+            score[len(S) + phase] = worlds.phases_s[w, phase]
+        score[own + OWN.crop_loss_percent] = 100.0 * totals[T.crop] / max(worlds.crops_in_strip[w], 1.0)
+        score[own + OWN.joules_per_weed] = totals[T.joules] / max(killed, 1.0)
+        score[own + OWN.ha_per_h] = (worlds.cart[w] + tables.start_m) / time_s * tables.ha_s_per_m_h
+        score[own + OWN.shots], score[own + OWN.blank_shots] = shots, totals[T.blanks]
+        score[own + OWN.shot_time_s] = totals[T.last_shot] / max(shots, 1.0)
+        score[own + OWN.weeds], score[own + OWN.tracks] = weeds, worlds.track_count[w]
     return result

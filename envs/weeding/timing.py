@@ -1,7 +1,7 @@
 """How long things take on a weeder: the one time model of rules, planners, bounds and executors, for any tool.
 
 A tool's machine is a set of numbers, its *arm*, a NamedTuple of plain floats and tuples. ``approach``, ``move_time``
-and ``ready`` are the arm's own: each tool compiles its own and binds them to the type of its numbers with ``bind``;
+and ``ready`` are the arm's own: each tool compiles its own and binds them to the type of its numbers (see ``bind``);
 kernels that are handed these numbers then contain the tool's code. How long the work itself takes does not depend on
 where it is done, see ``process``.
 
@@ -12,17 +12,54 @@ metres), what the tool leans or reaches beyond it along the row, and the tool's 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..compiled import bind, by_kind, compiled
+from ..columns import Says, numbered
+from ..compiled import by_kind, compiled
 from ..core import Array
 
-__all__ = ["Approach", "Arm", "Place", "approach", "bind", "move_time", "ready", "way_of", "ways_of", "whole_steps"]
 
-Place = tuple[float, float, float]
-"""Carrier, lean and across, metres."""
+class Ground(NamedTuple):
+    """A place on the ground."""
+
+    along: Annotated[int, Says("m", "along the row; the strip begins at 0")]
+    across: Annotated[int, Says("m", "from the middle of the row, to the left")]
+
+
+class Coordinates(NamedTuple):
+    """An arm's place as a row of an array."""
+
+    carrier: Annotated[int, Says("m", "along the row, over ground")]
+    lean: Annotated[int, Says("m", "what the tool leans or reaches beyond the carrier along the row")]
+    across: Annotated[int, Says("m", "the tool from the middle of the row")]
+
+
+class Moving(NamedTuple):
+    """Phases of a decision before those of the tool's work; the last of all is ``pause``, the rest of a wait."""
+
+    move: Annotated[int, Says("s", "motion to the target, or to where the machine waits")]
+    wait: Annotated[int, Says("s", "until the target is within the window")]
+
+
+G, A, P = numbered(Ground), numbered(Coordinates), numbered(Moving)
+WORK = len(P)
+"""The first of the tool's own phases."""
+
+
+class Place(NamedTuple):
+    """An arm's place.
+
+    Attributes:
+        carrier_m: along the row, over ground.
+        lean_m: what the tool leans or reaches beyond the carrier along the row.
+        across_m: the tool from the middle of the row.
+    """
+
+    carrier_m: float
+    lean_m: float
+    across_m: float
 
 
 class Approach(NamedTuple):
@@ -89,7 +126,7 @@ def move_time(arm: Any, carrier_m: float, lean_m: float, across_m: float) -> flo
 
 
 @by_kind
-def ready(arm: Any, cart_m: float) -> tuple[float, float, float]:
+def ready(arm: Any, cart_m: float) -> Place:
     """Place of the waiting machine at a cart position."""
     raise NotImplementedError
 
@@ -122,5 +159,5 @@ def whole_steps(phases_s: Array, works: bool, step_s: float) -> tuple[Array, int
     """
     phases, nominal_s = phases_s.copy(), float(phases_s.sum())
     steps = max(int(np.ceil(nominal_s / step_s - 1e-9)), 1)
-    phases[0, 1 if works else -1] += steps * step_s - nominal_s
+    phases[0, P.wait if works else -1] += steps * step_s - nominal_s
     return phases, steps

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ...perception.weeds import Seedlings, WeedTracker, detect
 from ..core import Array, StepResult
 from .core import WeedingCore
-from .rules import WAIT, WeederPlan
 from .scene import FieldScene
+from .state import MODES, WAIT, T, WeederPlan
+from .timing import G
 
 FRAME_EVERY_M = 0.06
 """The front camera takes a picture after this much way: six or seven of every weed."""
@@ -132,7 +133,7 @@ class FieldView(ABC, Generic[SceneT]):
         if crop.any():
             gap = np.hypot(*(place[:, None] - place[crop][None]).transpose(2, 0, 1)).min(axis=1)
         half = 0.5 * core.config.scenario.band_m
-        done = crop | np.array([t.treated or t.is_doubtful for t in listed], bool) | (np.abs(place[:, 1]) > half)
+        done = crop | np.array([t.treated or t.is_doubtful for t in listed], bool) | (np.abs(place[:, G.across]) > half)
         core.receive(0, place, votes.sum(axis=2).argmax(axis=1), votes.sum(axis=1).argmax(axis=1), gap, done)
 
     def attend(self, action: int) -> int | None:
@@ -141,7 +142,7 @@ class FieldView(ABC, Generic[SceneT]):
         option = action % core.base_actions
         if option == core.base_actions - 1 or not core.option_legal(0, option) or self._front is None:
             return None
-        index = int(core.state.slot_track[0, option // 3])
+        index = int(core.state.slot_track[0, option // MODES])
         self._front.tracker.tracks[self._listed[index]].treated = True
         self.treat_near(core.state.track_report[0, index])
         return index
@@ -227,7 +228,7 @@ class FieldView(ABC, Generic[SceneT]):
 
     def _behind(self) -> NDArray[np.bool_]:
         core = self.core
-        gone = core.state.plant[0, : core.weeds_end, 0] < core.state.cart[0] - core.machine.front_m
+        gone = core.state.plant[0, : core.weeds_end, G.along] < core.state.cart[0] - core.machine.front_m
         return gone | (core.state.plant_dose[0] >= core.state.plant_tolerance[0])[: core.weeds_end]
 
     def camera_scene(self) -> SceneT:
@@ -253,4 +254,4 @@ class FieldView(ABC, Generic[SceneT]):
         return (int(1e9 * self.core.plant_look[0, -1]), int(self.core.state.weeds[0]))
 
     def _new_episode(self) -> bool:
-        return bool(self.core.state.totals[0, 0] == 0.0)
+        return bool(self.core.state.totals[0, T.time] == 0.0)

@@ -74,7 +74,7 @@ def approach(
     arm: HoeArm, stand_s: float, place: Place, cart_m: float, speed_m_s: float, along_m: float, across_m: float
 ) -> Approach:
     """How the hoe would work on one target; see ``timing.approach``. The blade follows the plant for the whole time."""
-    move_s = move_time(arm, along_m - place[0], 0.0, across_m - place[2])
+    move_s = move_time(arm, along_m - place.carrier_m, 0.0, across_m - place.across_m)
     ahead = along_m - cart_m
     wait_s = max((ahead - arm.travel_m) / speed_m_s - move_s, 0.0)
     behind = ahead - speed_m_s * (move_s + wait_s) - speed_m_s * stand_s
@@ -83,9 +83,9 @@ def approach(
 
 
 @compiled
-def ready(arm: HoeArm, cart_m: float) -> tuple[float, float, float]:
+def ready(arm: HoeArm, cart_m: float) -> Place:
     """Place of the waiting blade: near the window's front edge, where the next weed comes in."""
-    return cart_m + 0.8 * arm.travel_m, 0.0, 0.0
+    return Place(cart_m + 0.8 * arm.travel_m, 0.0, 0.0)
 
 
 bind(HoeArm, approach, move_time, ready)

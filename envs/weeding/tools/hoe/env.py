@@ -11,7 +11,7 @@ from ...config import SCENARIOS
 from ...core import WeederOutcome, WeedingCore
 from ...env import WeedingEnv
 from ...perception import PerceptionModel, uncorrected
-from ...rules import WeederPlan
+from ...state import WeederPlan
 from .arm import HoeArm
 from .config import HoeWeedingConfig
 from .process import HoeProcess
@@ -83,8 +83,8 @@ class HoeWeedingEnv(WeedingEnv):
     (-0.05 a second), ``energy`` (-0.0005 a joule of work against the soil).
 
     **Score**: ``info["scorecard"]``: ``net_rate`` = uprooted / all true weeds of the band, ``cycle_time_s`` = time
-    until the last stir / stirs, ``crop_loss_percent``, ``weeds_per_s``, ``joules_per_weed``, ``ha_per_h``, phases
-    (move, wait, plunge, stir, lift, pause).
+    until the last weed was uprooted / weeds uprooted (eq. 34 of the safflower paper), ``shot_time_s`` the same for
+    stirs, ``crop_loss_percent``, ``joules_per_weed``, ``ha_per_h``, phases (move, wait, plunge, stir, lift, pause).
 
     Args:
         scenario: tiers by offered load, as in ``fieldgym/LaserWeeding-v0``; the cart's speed follows from the load and

@@ -10,10 +10,10 @@ from .....simulation.hoe_model import HoeParameters
 from .....simulation.prrs import PrrsMotionReport
 from ....core import Array, Rows
 from ...core import WeederOutcome, WeedingCore
-from ...rules import WAIT, WeederPlan
-from ...timing import whole_steps
+from ...state import WAIT, V, WeederPlan
+from ...timing import WORK, A, P, whole_steps
 from .config import HoeWeedingConfig
-from .process import HoeProcessConfig
+from .process import B, HoeProcessConfig
 
 _LOOK_EVERY = 6
 """Steps between two looks at the blade while it stirs: forty a second."""
@@ -49,12 +49,12 @@ class PyBulletHoe:
         phases, steps = whole_steps(plan.phases_s, works, self._dt)
         time = self._dt * np.arange(steps + 1, dtype=np.float64)
         tip = tip_way(self._hoe, plan, phases, time)
-        speed = float(plan.speed[0, 0])
+        speed = float(plan.speed[0, V.before])
         cart = float(plan.cart[0]) + speed * time
         pose = poses(self._machine.parameters, tip, cart)
         stirring = np.zeros(steps + 1, bool)
         if works:
-            first, last = (float(phases[0, :n].sum()) for n in (3, 4))
+            first, last = (float(phases[0, : WORK + part].sum()) for part in (B.stir, B.lift))
             stirring[int(np.ceil(first / self._dt)) : int(last / self._dt) + 1 : _LOOK_EVERY] = True
         errors: list[Array] = []
 
@@ -96,14 +96,14 @@ def tip_way(hoe: HoeProcessConfig, plan: WeederPlan, phases_s: Array, time_s: Ar
     The move, stretched over the wait for the weed's entering the window, is a straight line over ground at the
     clearance. The plunge ends on the circle, the lift begins there and ends over its middle.
     """
-    move_s = float(phases_s[0, 0] + phases_s[0, 1])
-    start, target = plan.start[0, [0, 2]], plan.target[0, [0, 2]]
+    move_s = float(phases_s[0, P.move] + phases_s[0, P.wait])
+    start, target = plan.start[0, [A.carrier, A.across]], plan.target[0, [A.carrier, A.across]]
     tip = np.empty((len(time_s), 3))
     tip[:, :2] = start + QUINTIC.sample(time_s, 1.0, move_s).position[:, None] * (target - start)
     tip[:, 2] = hoe.clearance_m
     mode = int(plan.kind[0])
     if mode < WAIT:
-        plunge_s, stir_s, lift_s = (float(seconds) for seconds in phases_s[0, 2:5])
+        plunge_s, stir_s, lift_s = (float(phases_s[0, WORK + part]) for part in (B.plunge, B.stir, B.lift))
         down = QUINTIC.sample(time_s - move_s, 1.0, plunge_s).position
         up = QUINTIC.sample(time_s - move_s - plunge_s - stir_s, 1.0, lift_s).position
         angle = 2.0 * np.pi * QUINTIC.sample(time_s - move_s - plunge_s, 1.0, stir_s).position

@@ -18,13 +18,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .....kernels.config import Config, num
 from .....motion import QUINTIC
+from ....columns import Says, names, numbered
 from ....compiled import bind, compiled
 from ....core import Array
 from ...config import SPECIES, STAGES
@@ -38,7 +39,17 @@ TOUCH_M = 1e-9
 """Discs whose edges are this near to touching from within count as touching: rounding stays out of the lens."""
 
 INTENSITIES = ("gentle", "normal", "deep")
-PHASES = ("plunge", "stir", "lift")
+
+
+class Stirring(NamedTuple):
+    """Phases of a stir."""
+
+    plunge: Annotated[int, Says("s", "down to the depth, out to the circle")]
+    stir: Annotated[int, Says("s", "once around")]
+    lift: Annotated[int, Says("s", "up again")]
+
+
+B = numbered(Stirring)
 
 
 @dataclass(frozen=True)
@@ -266,7 +277,7 @@ class HoeProcess:
     """The hoe as a weeding process (``process.WeedingProcess``): plunge, one turn, lift. There is no tool camera."""
 
     modes = INTENSITIES
-    phases = PHASES
+    phases = names(Stirring)
 
     def __init__(self, config: HoeProcessConfig):
         """Tabulate by intensity."""

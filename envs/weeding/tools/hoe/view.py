@@ -8,7 +8,7 @@ import numpy as np
 
 from ....core import Array
 from ...core import WeedingCore
-from ...rules import WeederPlan
+from ...state import V, WeederPlan
 from ...view import FieldView, Show
 from .config import HoeWeedingConfig
 from .machine import hoe_parameters, poses, tip_way
@@ -36,7 +36,7 @@ class HoeView(FieldView[HoeScene]):
     def moving(self, plan: WeederPlan, phases_s: Array, time_s: Array) -> Iterator[Show[HoeScene]]:
         """The machine at times (n,) of a decision."""
         tip = tip_way(self._config.process, plan, phases_s, time_s)
-        cart = plan.cart[0] + plan.speed[0, 0] * time_s
+        cart = plan.cart[0] + plan.speed[0, V.before] * time_s
         for x, place in zip(cart.tolist(), tip, strict=True):
             yield self._show(x, place)
 

@@ -36,9 +36,9 @@ from numpy.typing import ArrayLike
 
 from .....kernels.config import Config, num
 from .....motion import QUINTIC
-from ....compiled import compiled
+from ....compiled import bind, compiled
 from ....core import Array
-from ...timing import Approach, Place, bind
+from ...timing import A, Approach, Place
 
 
 @dataclass(frozen=True)
@@ -120,12 +120,12 @@ class LaserReach(Config):
 def poses(reach: LaserReach, beam: ArrayLike, cart_m: ArrayLike) -> Array:
     """Mechanism poses (..., 4) for beam coordinates (..., 3) at cart positions (...)."""
     coordinates = np.asarray(beam, dtype=np.float64)
-    tangent = coordinates[..., 1] / reach.gap_m
+    tangent = coordinates[..., A.lean] / reach.gap_m
     beta = np.arctan(tangent)
-    alpha = np.arctan(coordinates[..., 2] / (reach.gap_m * np.sqrt(1.0 + tangent * tangent)))
+    alpha = np.arctan(coordinates[..., A.across] / (reach.gap_m * np.sqrt(1.0 + tangent * tangent)))
     return np.stack(
         [
-            coordinates[..., 0] - np.asarray(cart_m, dtype=np.float64),
+            coordinates[..., A.carrier] - np.asarray(cart_m, dtype=np.float64),
             np.full_like(alpha, reach.platform_z_m),
             alpha,
             beta,
@@ -189,8 +189,9 @@ class LaserArm(NamedTuple):
 def move_time(arm: LaserArm, carrier_m: float, lean_m: float, across_m: float) -> float:
     """Seconds of a motion by a stroke of platform and leans: each keeps its own limits, the slowest sets the time."""
     carrier, lean, across = abs(carrier_m), abs(lean_m), abs(across_m)
-    by_velocity = max(carrier * arm.pace_s_m[0], lean * arm.pace_s_m[1], across * arm.pace_s_m[2])
-    square_s2 = max(carrier * arm.square_pace_s2_m[0], lean * arm.square_pace_s2_m[1], across * arm.square_pace_s2_m[2])
+    by_velocity = max(carrier * arm.pace_s_m[A.carrier], lean * arm.pace_s_m[A.lean], across * arm.pace_s_m[A.across])
+    square = arm.square_pace_s2_m
+    square_s2 = max(carrier * square[A.carrier], lean * square[A.lean], across * square[A.across])
     return max(by_velocity, math.sqrt(square_s2))
 
 
@@ -204,7 +205,7 @@ def approach(
     passed = speed_m_s * (arm.expected_move_s + 0.5 * stand_s)
     lean = min(max((along_m - (cart_m + passed)) * share, -arm.lean_m), arm.lean_m)
     carrier = along_m - lean
-    move_s = move_time(arm, carrier - place[0], lean - place[1], across_m - place[2])
+    move_s = move_time(arm, carrier - place.carrier_m, lean - place.lean_m, across_m - place.across_m)
     ahead = carrier - cart_m
     wait_s = max((ahead - arm.travel_m) / speed_m_s - move_s, 0.0)
     behind = ahead - speed_m_s * (move_s + wait_s) - speed_m_s * stand_s
@@ -213,9 +214,9 @@ def approach(
 
 
 @compiled
-def ready(arm: LaserArm, cart_m: float) -> tuple[float, float, float]:
+def ready(arm: LaserArm, cart_m: float) -> Place:
     """Place of the waiting machine: near the window's front edge, where the next weed comes in."""
-    return cart_m + 0.8 * arm.travel_m, 0.8 * arm.lean_m, 0.0
+    return Place(cart_m + 0.8 * arm.travel_m, 0.8 * arm.lean_m, 0.0)
 
 
 bind(LaserArm, approach, move_time, ready)

@@ -11,7 +11,7 @@ from ...config import SCENARIOS
 from ...core import WeederOutcome, WeedingCore
 from ...env import WeedingEnv
 from ...perception import PerceptionModel
-from ...rules import WeederPlan
+from ...state import WeederPlan
 from .aim import LaserArm
 from .config import WeedingConfig
 from .process import LaserProcess
@@ -83,7 +83,8 @@ class LaserWeedingEnv(WeedingEnv):
     (-0.05 a second), ``energy`` (-0.0005 a joule).
 
     **Score**: ``info["scorecard"]``: ``net_rate`` = killed / all true weeds of the band, ``cycle_time_s`` = time until
-    the last shot / shots, ``crop_loss_percent``, ``weeds_per_s``, ``joules_per_weed``, ``ha_per_h``, phases.
+    the last weed died / weeds killed (eq. 34 of the safflower paper), ``shot_time_s`` the same for shots,
+    ``crop_loss_percent``, ``joules_per_weed``, ``ha_per_h``, phases.
 
     Args:
         scenario: tiers by offered load: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` (40 weeds per

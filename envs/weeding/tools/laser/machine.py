@@ -9,10 +9,11 @@ from .....simulation.weeder import WeederMachine, WeederReport
 from .....simulation.weeder_model import WeederParameters
 from ....core import Array, Rows
 from ...core import WeederOutcome, WeedingCore
-from ...rules import WAIT, WeederPlan
-from ...timing import ways_of, whole_steps
+from ...state import WAIT, V, WeederPlan
+from ...timing import WORK, P, ways_of, whole_steps
 from .aim import LaserReach, poses
 from .config import WeedingConfig
+from .process import B
 
 _LOOK_EVERY = 6
 """Steps between two looks at the beam while it burns: forty a second."""
@@ -50,7 +51,7 @@ class PyBulletWeeder:
         cart, beam = trajectory(config, plan, phases, time)
         burning = np.zeros(steps + 1, bool)
         if works:
-            first = round((steps * dt - float(phases[0, 3])) / dt) + 1
+            first = round((steps * dt - float(phases[0, WORK + B.burn])) / dt) + 1
             burning[first::_LOOK_EVERY] = True
         reach = config.reach
         report = self._machine.run(cart, poses(reach, beam, cart), reach.target_height_m, burning)
@@ -76,9 +77,9 @@ def trajectory(config: WeedingConfig, plan: WeederPlan, phases_s: Array, time_s:
 
     The move is stretched over the wait for the weed's entering the window, so the machine arrives with it.
     """
-    move_s = float(phases_s[0, 0] + phases_s[0, 1])
-    before, after = plan.speed[0].tolist()
-    way = ways_of(before, after, config.cart.acceleration_m_s2, time_s)
+    move_s = float(phases_s[0, P.move] + phases_s[0, P.wait])
+    before, after = plan.speed[0, V.before], plan.speed[0, V.after]
+    way = ways_of(float(before), float(after), config.cart.acceleration_m_s2, time_s)
     share = QUINTIC.sample(time_s, 1.0, move_s).position
     start, target = plan.start[0], plan.target[0]
     return plan.cart[0] + way, start + share[:, None] * (target - start)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .....kernels.config import Config, num
+from ....columns import Says, names, numbered
 from ....compiled import bind, compiled
 from ....core import Array
 from ...config import STAGES
@@ -19,6 +20,16 @@ EXPECTED_OVERLAP = 0.7
 """Share of a shot that reaches the growing point at an aim error of 1.5 mm an axis; for choosing doses only."""
 
 DOSES = ("low", "normal", "high")
+
+
+class Burning(NamedTuple):
+    """Phases of a shot."""
+
+    correct: Annotated[int, Says("s", "the tool camera's picture and the correction of the aim")]
+    burn: Annotated[int, Says("s", "the beam is on")]
+
+
+B = numbered(Burning)
 
 
 @dataclass(frozen=True)
@@ -169,7 +180,7 @@ class LaserProcess:
     """The laser as a weeding process (see ``WeedingProcess``): a correction of the aim, then the burn."""
 
     modes = DOSES
-    phases = ("correct", "burn")
+    phases = names(Burning)
 
     def __init__(self, config: ProcessConfig):
         """Tabulate by dose level."""

@@ -9,11 +9,13 @@ import numpy as np
 from .....perception.weeds import WeedSettings, detect
 from ....core import Array
 from ...core import WeedingCore
-from ...rules import WAIT, WeederPlan
+from ...state import WAIT, WeederPlan
+from ...timing import WORK
 from ...view import FieldView, Show
 from .aim import poses
 from .config import WeedingConfig
 from .machine import trajectory, weeder_parameters
+from .process import B
 from .scene import WeederScene
 
 TOOL_SETTINGS = WeedSettings(close_m=0.0012, whole=False)
@@ -43,7 +45,7 @@ class WeederView(FieldView[WeederScene]):
     def moving(self, plan: WeederPlan, phases_s: Array, time_s: Array) -> Iterator[Show[WeederScene]]:
         """The machine at times (n,) of a decision; the beam is on while it burns."""
         cart, beam = trajectory(self._config, plan, phases_s, time_s)
-        burns = (plan.kind[0] < WAIT) & (time_s >= float(phases_s[0].sum() - phases_s[0, 3]))
+        burns = (plan.kind[0] < WAIT) & (time_s >= float(phases_s[0].sum() - phases_s[0, WORK + B.burn]))
         for x, coordinates, on in zip(cart.tolist(), beam, burns.tolist(), strict=True):
             yield self._show(x, coordinates, on)
 

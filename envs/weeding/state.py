@@ -1,0 +1,272 @@
+"""What the weeding rules work on: the running numbers of B worlds, and the names of what they count and score."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..columns import Says, names, numbered
+from ..core import COMMON_SCORES, Array
+from .config import STAGES, FieldTask
+from .features import Candidate
+from .process import WeedingProcess
+from .timing import Arm, Coordinates
+
+MODES = 3
+WAIT, NOTHING = MODES, MODES + 1
+"""Kinds of decision after the three modes: wait a moment, an illegal action."""
+BLOCKS = 3
+"""The speed variant's blocks of actions: hold the speed, slower, faster."""
+CROP_KIND = len(STAGES)
+"""Kind of a crop plant; the kinds before it are the weeds' stages."""
+PAD = 2
+"""Empty places before and after the weeds of a world, so that a weed's neighbours always exist."""
+FAR_M = 1e3
+"""Where what does not exist lies."""
+
+
+class Totals(NamedTuple):
+    """What is counted in an episode."""
+
+    time: Annotated[int, Says("s", "simulated time since the episode began")]
+    killed: Annotated[int, Says("", "weeds that died")]
+    crop: Annotated[int, Says("", "crop plants that died")]
+    illegal: Annotated[int, Says("", "actions that were not possible")]
+    shots: Annotated[int, Says("", "works on a place")]
+    blanks: Annotated[int, Says("", "those at a track without a weed")]
+    joules: Annotated[int, Says("J", "energy of all works")]
+    last_shot: Annotated[int, Says("s", "when the last work was done")]
+    last_kill: Annotated[int, Says("s", "when the last work was done that killed a weed")]
+
+
+class Rewards(NamedTuple):
+    """Terms of the reward; each is its quantity times its weight."""
+
+    killed: Annotated[int, Says("", "weeds that died")]
+    crop: Annotated[int, Says("", "crop plants that died")]
+    time: Annotated[int, Says("s", "seconds")]
+    energy: Annotated[int, Says("J", "energy of the work")]
+
+
+class Common(NamedTuple):
+    """The scores before the phases: those that every task has."""
+
+    net_rate: Annotated[int, Says("", "killed / all true weeds of the band, missed ones too")]
+    cycle_time_s: Annotated[int, Says("s", "time until the last weed died / weeds that died")]
+    throughput_per_min: Annotated[int, Says("1/min", "weeds that died a minute")]
+    duration_s: Annotated[int, Says("s", "simulated time")]
+    done: Annotated[int, Says("", "weeds that died")]
+    missed: Annotated[int, Says("", "weeds that live")]
+    damaged: Annotated[int, Says("", "crop plants that died")]
+    illegal: Annotated[int, Says("", "actions that were not possible")]
+
+
+class Own(NamedTuple):
+    """The scores behind the phases: those of weeding alone."""
+
+    crop_loss_percent: Annotated[int, Says("%", "crop plants of the strip that died")]
+    joules_per_weed: Annotated[int, Says("J", "energy of all works / weeds that died")]
+    ha_per_h: Annotated[int, Says("ha/h", "area that the cart has driven over, an hour")]
+    shots: Annotated[int, Says("", "works on a place")]
+    blank_shots: Annotated[int, Says("", "those at a track without a weed")]
+    shot_time_s: Annotated[int, Says("s", "time until the last work / works")]
+    weeds: Annotated[int, Says("", "true weeds of the band")]
+    tracks: Annotated[int, Says("", "tracks so far")]
+
+
+class Speeds(NamedTuple):
+    """The cart's speeds of a decision."""
+
+    before: Annotated[int, Says("m/s", "at its beginning")]
+    after: Annotated[int, Says("m/s", "the one that it changes to")]
+
+
+class Near(NamedTuple):
+    """Which plants a shot at a track may reach; for scoring alone."""
+
+    weed: Annotated[int, Says("", "nearest weed along the row, counted without the empty places")]
+    crop: Annotated[int, Says("", "nearest crop plant along the row")]
+
+
+T, R, S, OWN = numbered(Totals), numbered(Rewards), numbered(Common), numbered(Own)
+V, N = numbered(Speeds), numbered(Near)
+assert names(Common) == COMMON_SCORES
+
+
+class Tables(NamedTuple):
+    """What the rules look up; the same in every world.
+
+    Attributes:
+        work_s: (M, P), seconds of each phase on the target by mode.
+        stand_s: (M,), their sums.
+        energy_j: (M,).
+        pause_s: (2,), what waiting a moment and an illegal action take at least.
+        weights: (4,), of the reward's terms; see ``Rewards``.
+        weeds_end: weeds lie before this place of the plants, crop plants behind it.
+        start_m: the cart begins this far before the strip.
+        strip_m: length of the strip.
+        end_m: cart position at which the strip has passed the window.
+        blind_m: way of the cart from which the front camera's view has left a place until it has left the window.
+        exit_m: the window's rear edge behind the cart.
+        delay_s: from a picture to the use of what it showed.
+        speed_control: whether actions include the cart's speed.
+        notch_m_s: step of the commanded speed.
+        speed_range_m_s: of the commanded speed.
+        acceleration_m_s2: of the cart.
+        ha_s_per_m_h: hectares an hour at a metre a second.
+        time_limit_s: when the episode is cut off.
+    """
+
+    work_s: Array
+    stand_s: Array
+    energy_j: Array
+    pause_s: Array
+    weights: Array
+    weeds_end: int
+    start_m: float
+    strip_m: float
+    end_m: float
+    blind_m: float
+    exit_m: float
+    delay_s: float
+    speed_control: bool
+    notch_m_s: float
+    speed_range_m_s: tuple[float, float]
+    acceleration_m_s2: float
+    ha_s_per_m_h: float
+    time_limit_s: float
+
+
+class Worlds(NamedTuple):
+    """State of B worlds with N places for plants, T for tracks and K slots; places are metres along and across.
+
+    Attributes:
+        plant: (B, N, 2), weeds sorted along with empty places before and after them, then the crop plants in order.
+        plant_kind: (B, N), stage of a weed, 3 for a crop plant.
+        plant_tolerance: (B, N), dose that kills; infinite where nothing grows.
+        plant_dose: (B, N), dose so far.
+        weeds: (B,), true weeds of the strip.
+        crops_in_strip: (B,).
+        track_report: (B, T + 1, 2), where the machine believes a plant when it aims; track T stands for none.
+        track_aim: (B, T + 1, 2), where the tool is set after its correction.
+        track_known_m: (B, T + 1), cart position from which on a track is known, not counting the delay; ascending.
+        track_near: (B, T + 1, 2), see ``Near``.
+        track_real: (B, T + 1), whether a weed is behind it; for scoring alone.
+        track_feature: (B, T + 1, F), what does not depend on where the machine is.
+        track_count: (B,).
+        slot_track: (B, K), track in each slot.
+        cursor: (B,), next track that has not been in a slot.
+        cart: (B,), metres along the row.
+        speed: (B,), m/s.
+        set_speed: (B,), the commanded one.
+        place: (B, 3), where the arm stands; see ``timing.Coordinates``.
+        totals: (B, .), see ``Totals``.
+        phases_s: (B, phases), seconds so far.
+    """
+
+    plant: Array
+    plant_kind: NDArray[np.int64]
+    plant_tolerance: Array
+    plant_dose: Array
+    weeds: Array
+    crops_in_strip: Array
+    track_report: Array
+    track_aim: Array
+    track_known_m: Array
+    track_near: NDArray[np.int64]
+    track_real: NDArray[np.bool_]
+    track_feature: NDArray[np.float32]
+    track_count: NDArray[np.int64]
+    slot_track: NDArray[np.int64]
+    cursor: NDArray[np.int64]
+    cart: Array
+    speed: Array
+    set_speed: Array
+    place: Array
+    totals: Array
+    phases_s: Array
+
+
+class WeederPlan(NamedTuple):
+    """What the machine has to do in each world.
+
+    Attributes:
+        kind: (B,), mode, ``WAIT`` or ``NOTHING``.
+        slot: (B,), candidate slot, ``slots`` when none.
+        track: (B,), track behind it.
+        start: (B, 3), place of the arm now.
+        target: (B, 3), where it stands during the work, the tool camera's correction included.
+        aim: (B, 2), where the tool works in the world, metres; far away when it does not.
+        cart: (B,), cart position at the beginning.
+        speed: (B, 2), see ``Speeds``.
+        phases_s: (B, P), nominal seconds of each phase, in order: those of ``timing.Moving``, the process's own, pause.
+    """
+
+    kind: NDArray[np.int64]
+    slot: NDArray[np.int64]
+    track: NDArray[np.int64]
+    start: Array
+    target: Array
+    aim: Array
+    cart: Array
+    speed: Array
+    phases_s: Array
+
+
+def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: float) -> Tables:
+    """The tables of a configuration; tracks are used ``delay_s`` after the pictures that they come from."""
+    scenario, cart, weights = config.scenario, config.cart, config.weights
+    return Tables(
+        work_s=np.ascontiguousarray(process.work_s, dtype=np.float64),
+        stand_s=process.work_s.sum(axis=1),
+        energy_j=np.asarray(process.energy_j, dtype=np.float64),
+        pause_s=np.array([cart.moment_s, cart.illegal_s], float),
+        weights=np.array([weights.killed, weights.crop, weights.seconds, weights.joules], float),
+        weeds_end=scenario.max_weeds + 2 * PAD,
+        start_m=float(cart.start_m),
+        strip_m=float(scenario.strip_m),
+        end_m=float(scenario.strip_m + arm.front_m),
+        blind_m=float(cart.unseen_m + arm.front_m),
+        exit_m=float(arm.front_m),
+        delay_s=delay_s,
+        speed_control=bool(config.speed_control),
+        notch_m_s=float(cart.notch_m_s),
+        speed_range_m_s=(float(cart.speed_range_m_s[0]), float(cart.speed_range_m_s[1])),
+        acceleration_m_s2=float(cart.acceleration_m_s2),
+        ha_s_per_m_h=0.36 * scenario.band_m,
+        time_limit_s=float(config.time_limit_s),
+    )
+
+
+def empty_worlds(config: FieldTask, phases: int, tracks: int, worlds: int) -> Worlds:
+    """State of worlds that hold nothing yet, with room for ``tracks`` tracks and sums of ``phases`` phases."""
+    scenario, b = config.scenario, worlds
+    weeds_end = scenario.max_weeds + 2 * PAD
+    plants = weeds_end + scenario.crops
+    state = Worlds(
+        plant=np.full((b, plants, 2), FAR_M),
+        plant_kind=np.zeros((b, plants), np.int64),
+        plant_tolerance=np.full((b, plants), np.inf),
+        plant_dose=np.zeros((b, plants)),
+        weeds=np.zeros(b),
+        crops_in_strip=np.zeros(b),
+        track_report=np.full((b, tracks + 1, 2), FAR_M),
+        track_aim=np.full((b, tracks + 1, 2), FAR_M),
+        track_known_m=np.zeros((b, tracks + 1)),
+        track_near=np.ones((b, tracks + 1, len(Near._fields)), np.int64),
+        track_real=np.zeros((b, tracks + 1), bool),
+        track_feature=np.zeros((b, tracks + 1, len(Candidate._fields)), np.float32),
+        track_count=np.zeros(b, np.int64),
+        slot_track=np.full((b, config.slots), tracks),
+        cursor=np.zeros(b, np.int64),
+        cart=np.zeros(b),
+        speed=np.ones(b),
+        set_speed=np.ones(b),
+        place=np.zeros((b, len(Coordinates._fields))),
+        totals=np.zeros((b, len(Totals._fields))),
+        phases_s=np.zeros((b, phases)),
+    )
+    state.plant_kind[:, weeds_end:] = CROP_KIND
+    return state
