@@ -1,8 +1,10 @@
 """What several test modules check in the same way."""
 
+import copy
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 
 from fieldgym import bounds
@@ -35,3 +37,41 @@ def no_policy_beats() -> Callable[[str, range, str], list[Any]]:
         return found
 
     return check
+
+
+class Best(NamedTuple):
+    """What can be had on a small instance: largest return, net rate, and shortest cycle time at that net rate."""
+
+    episode_return: float
+    net_rate: float
+    cycle_time_s: float
+
+
+@pytest.fixture
+def best_by_trying() -> Callable[[Any], Best]:
+    """Try every sequence of legal actions from where the rules of one world stand."""
+
+    def search(core: Any) -> Best:
+        best_return, cycles, ends = -np.inf, [], []
+
+        def go_on(core: Any, total: float) -> None:
+            nonlocal best_return
+            for action in np.flatnonzero(core.observe()["action_mask"][0]):
+                child = copy.deepcopy(core)
+                plan = child.plan(np.array([action]))
+                result = child.apply(plan, child.nominal(plan))
+                value = total + float(result.rewards.sum())
+                scores = dict(zip(child.score_names, child.scores()[0].tolist(), strict=True))
+                cycles.append((scores["net_rate"], scores["cycle_time_s"], scores["done"]))
+                if result.terminated[0] or result.truncated[0]:
+                    best_return = max(best_return, value)
+                    ends.append(scores["net_rate"])
+                else:
+                    go_on(child, value)
+
+        go_on(core, 0.0)
+        best_rate = max(ends)
+        shortest = min((cycle for rate, cycle, done in cycles if done and rate >= best_rate - EXACT), default=np.inf)
+        return Best(best_return, best_rate, shortest)
+
+    return search

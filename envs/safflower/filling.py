@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..field import Array, Camera, FieldError, Flags, Table, Whole
+from ..field import ABSENT, Array, Camera, FieldError, Flags, Table, Whole
 from .batch import Batch, places, stack, stop_centres, unstack
 from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig, ScenarioConfig
 from .drawing import SIZE_SHARE, SPREAD_SIGMA, draw_tracks, random_numbers
@@ -49,7 +49,11 @@ def completed(
     tracks = draw_tracks(
         config, perception, bare.heads, generator.random((1, uniform)), generator.standard_normal((1, normal))
     )
-    return unstack(Batch(bare.heads, bare.plants, tracks), perception)[0]
+    reports = unstack(Batch(bare.heads, bare.plants, tracks), perception)[0].reports
+    assert reports is not None
+    # In a batch heads stand in the order of their slots; the last entry stands for the head -1: none.
+    row = np.append(np.argsort(heads.slot), ABSENT)
+    return replace(field, reports=replace(reports, head=row[reports.head]), camera=own)
 
 
 def _whole_plants(config: SafflowerConfig, field: SafflowerField) -> Plants:
