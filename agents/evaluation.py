@@ -1,22 +1,25 @@
-"""What a policy scores on given seeds: all worlds in one batch on the analytic backend, one by one on PyBullet."""
+"""What a policy scores on given seeds: all worlds in one batch where that is possible, else one by one."""
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from os import PathLike
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from .policies.base import Policy, act_single
+from ..envs.task import task
+from .policies.base import Policy
+from .rollout import batch_decisions, begin, decisions
 
 Array = NDArray[np.float64]
+Fields = Sequence[str | PathLike[str]] | None
 
-MOST_DECISIONS = 20_000
 BATCH = 256
 """Worlds stepped together; a batch gives what as many single environments give."""
 
@@ -46,6 +49,7 @@ def evaluate(
     seeds: Sequence[int],
     *,
     backend: str = "analytic",
+    fields: Sequence[str | PathLike[str]] | None = None,
     on_episode: Callable[[int], None] = lambda finished: None,
     **kwargs: Any,
 ) -> Scores:
@@ -56,29 +60,35 @@ def evaluate(
         env_id: registered id.
         seeds: of the environment: the same seed is the same instance with the same luck for every policy.
         backend: ``"analytic"`` or ``"pybullet"``.
+        fields: files that are played instead of drawn fields, one a seed, which draws what the file leaves open.
         on_episode: called with the number of finished episodes.
         **kwargs: of the environment (``scenario``, ``perception``, ...).
 
     Raises:
-        ValueError: no seeds.
+        ValueError: no seeds, or not as many fields.
         RuntimeError: an episode does not end.
     """
     if len(seeds) == 0:
         raise ValueError("seeds are empty: give at least one")
-    play = _alone if backend == "pybullet" else _together
-    return play(make_policy, env_id, [int(seed) for seed in seeds], on_episode, kwargs)
+    if fields is not None and len(fields) != len(seeds):
+        raise ValueError(f"{len(fields)} fields for {len(seeds)} seeds: give one a seed")
+    batched = backend == "analytic" and kwargs.get("perception") != "camera" and task(env_id).vector_entry_point
+    play = _together if batched else partial(_alone, backend=backend)
+    return play(make_policy, env_id, [int(seed) for seed in seeds], fields, on_episode, kwargs)
 
 
 def _together(
     make_policy: Callable[[Any], Policy],
     env_id: str,
     seeds: list[int],
+    fields: Fields,
     on_episode: Callable[[int], None],
     kwargs: dict[str, Any],
 ) -> Scores:
     parts = []
     for start in range(0, len(seeds), BATCH):
-        parts.append(_batch(make_policy, env_id, seeds[start : start + BATCH], kwargs))
+        some = slice(start, start + BATCH)
+        parts.append(_batch(make_policy, env_id, seeds[some], None if fields is None else fields[some], kwargs))
         on_episode(min(start + BATCH, len(seeds)))
     names = parts[0].scorecard
     decisions = np.concatenate([part.decisions for part in parts])
@@ -91,64 +101,52 @@ def _together(
     )
 
 
-def _batch(make_policy: Callable[[Any], Policy], env_id: str, seeds: list[int], kwargs: dict[str, Any]) -> Scores:
+def _batch(
+    make_policy: Callable[[Any], Policy], env_id: str, seeds: list[int], fields: Fields, kwargs: dict[str, Any]
+) -> Scores:
     n = len(seeds)
     env: Any = gym.make_vec(
         env_id, n, vectorization_mode="vector_entry_point", autoreset_mode=gym.vector.AutoresetMode.DISABLED, **kwargs
     )
-    policy = make_policy(env)
-    observation, _ = env.reset(seed=seeds)
-    policy.reset(np.ones(n, bool))
-    returns, decisions, over = np.zeros(n), np.zeros(n, np.int64), np.zeros(n, bool)
-    scorecard: dict[str, Array] = {name: np.zeros(n) for name in env.unwrapped.core.score_names}
-    thought_s = 0.0
-    for _ in range(MOST_DECISIONS):
-        began = time.perf_counter()
-        actions = policy.act(observation)
-        thought_s += time.perf_counter() - began
-        observation, reward, terminated, truncated, info = env.step(actions)
-        # Worlds that are over step along in the batch; nothing of that is counted.
-        running = ~over
-        returns[running] += reward[running]
-        decisions += running
-        ending = running & (terminated | truncated)
-        if ending.any():
-            for name, values in scorecard.items():
-                values[ending] = info["scorecard"][name][ending]
-            over |= ending
-            if over.all():
-                break
-    else:
-        raise RuntimeError(f"no end after {MOST_DECISIONS} decisions: the policy never finishes this scenario")
-    env.close()
-    return Scores(np.array(seeds), returns, decisions, scorecard, thought_s / float(decisions.sum()))
+    try:
+        policy = make_policy(env)
+        observation, _ = env.reset(seed=seeds, options=None if fields is None else {"fields": list(fields)})
+        returns, counts, thought_s = np.zeros(n), np.zeros(n, np.int64), 0.0
+        scorecard: dict[str, Array] = {name: np.zeros(n) for name in env.unwrapped.core.score_names}
+        for decision in batch_decisions(env, policy, observation):
+            under_way, ending = decision.under_way, decision.ending
+            thought_s += decision.thought_s
+            returns[under_way] += decision.rewards[under_way]
+            counts += under_way
+            if ending.any():
+                for name, values in scorecard.items():
+                    values[ending] = decision.info["scorecard"][name][ending]
+    finally:
+        env.close()
+    return Scores(np.array(seeds), returns, counts, scorecard, thought_s / float(counts.sum()))
 
 
 def _alone(
     make_policy: Callable[[Any], Policy],
     env_id: str,
     seeds: list[int],
+    fields: Fields,
     on_episode: Callable[[int], None],
     kwargs: dict[str, Any],
+    backend: str,
 ) -> Scores:
-    env: Any = gym.make(env_id, backend="pybullet", disable_env_checker=True, **kwargs)
-    returns, decisions, cards, thought_s = [], [], [], 0.0
+    env: Any = gym.make(env_id, backend=backend, disable_env_checker=True, **kwargs)
+    returns, counts, cards, thought_s = [], [], [], 0.0
     try:
         policy = make_policy(env)
         for number, seed in enumerate(seeds):
-            observation, info = env.reset(seed=seed)
-            policy.reset(np.ones(1, bool))
-            total, steps, over = 0.0, 0, False
-            while not over:
-                if steps >= MOST_DECISIONS:
-                    raise RuntimeError(f"no end after {MOST_DECISIONS} decisions: the policy never finishes")
-                began = time.perf_counter()
-                action = act_single(policy, observation)
-                thought_s += time.perf_counter() - began
-                observation, reward, terminated, truncated, info = env.step(action)
-                total, steps, over = total + reward, steps + 1, terminated or truncated
+            observation, info = begin(env, seed, None if fields is None else fields[number])
+            total, steps = 0.0, 0
+            for decision in decisions(env, policy, observation):
+                thought_s += decision.thought_s
+                total, steps, info = total + decision.reward, steps + 1, decision.info
             returns.append(total)
-            decisions.append(steps)
+            counts.append(steps)
             cards.append(info["scorecard"])
             on_episode(number + 1)
     finally:
@@ -156,9 +154,9 @@ def _alone(
     return Scores(
         np.array(seeds),
         np.array(returns),
-        np.array(decisions),
+        np.array(counts),
         {name: np.array([float(card[name]) for card in cards]) for name in cards[0]},
-        thought_s / max(sum(decisions), 1),
+        thought_s / max(sum(counts), 1),
     )
 
 

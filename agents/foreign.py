@@ -45,7 +45,8 @@ def told(error: BaseException) -> str:
     """An exception in one line: file and line of a user's code where it came up, else of any; kind and message."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}, line {error.lineno}: {type(error).__name__}: {error.msg}"
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename != __file__]
+    frames = traceback.extract_tb(error.__traceback__)
+    frames = [frame for frame in frames if frame.filename != __file__ and not frame.filename.startswith("<frozen")]
     frames = [frame for frame in frames if not _installed(frame.filename)] or frames
     where = f"{frames[-1].filename}, line {frames[-1].lineno}: " if frames else ""
     return where + " ".join(f"{type(error).__name__}: {error}".split())
@@ -162,7 +163,7 @@ def made(factory: Callable[..., Any], env: Any, seed: int) -> Any:
 
 def _installed(filename: str) -> bool:
     """Whether a file is part of Python, of what is installed beside it, or of this package."""
-    return filename.startswith("<frozen") or filename.startswith(_INSTALLED)
+    return filename.startswith(_INSTALLED)
 
 
 _INSTALLED = (*(sysconfig.get_paths()[part] for part in ("stdlib", "platstdlib", "purelib", "platlib")),)

@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from .. import agents
+from ..agents.policies.base import Policy, act_single
+from ..agents.rollout import begin, decisions
+from ..envs.task import task
 from . import limits
 from .record import Record, failed, identity, plain, plain_number
 from .report.timeline import TimelineRecorder
@@ -15,10 +19,6 @@ from .suites import BOUND, Episode
 
 if TYPE_CHECKING:
     import gymnasium as gym
-
-MAX_STEPS = 20_000
-"""Decisions after which an episode is called endless: a policy that never drives on must not hang a benchmark."""
-
 
 POLICY_SEEDS = 1_000_000
 """Added to the environment's seed for the policy's: with equal seeds both would draw the same numbers."""
@@ -64,47 +64,42 @@ def run_episode(episode: Episode, cancelled: Callable[[], bool] = never) -> Reco
 
 
 def _play(episode: Episode, cancelled: Callable[[], bool]) -> Record:
-    from ..agents import act_single, make_policy
-
     started = time.perf_counter()
     env = _make(episode)
     try:
-        observation, info = env.reset(seed=episode.seed)
+        observation, info = begin(env, episode.seed, None if episode.field is None else episode.field.path)
         # What loads or compiles at a first decision is no thinking: another policy of the same name decides it before.
-        act_single(make_policy(episode.policy, env, seed=POLICY_SEEDS + episode.seed), observation)
-        policy = make_policy(episode.policy, env, seed=POLICY_SEEDS + episode.seed)
-        policy.reset(np.ones(1, dtype=bool))
+        act_single(_policy(episode, env), observation)
+        policy = _policy(episode, env)
         recorder, words = TimelineRecorder(), [] if episode.timeline else None
         began_s = float(info["scorecard"]["duration_s"])
         total, terms = 0.0, dict.fromkeys(info["rewards"], 0.0)
         thinking: list[float] = []
         last_s = thought_before_last_s = 0.0
-        terminated = truncated = False
-        while not (terminated or truncated):
-            if cancelled():
-                raise EpisodeCancelledError
-            if len(thinking) >= MAX_STEPS:
-                raise RuntimeError(f"no end after {MAX_STEPS} decisions: the policy never finishes this scenario")
-            before = time.thread_time()
-            action = act_single(policy, observation)
-            thinking.append(time.thread_time() - before)
-            cycle_time_s = info["scorecard"]["cycle_time_s"]
-            observation, reward, terminated, truncated, info = env.step(action)
+        terminated = False
+        if cancelled():
+            raise EpisodeCancelledError
+        for decision in decisions(env, policy, observation, time.thread_time):
+            cycle_time_s, info = info["scorecard"]["cycle_time_s"], decision.info
+            thinking.append(decision.thought_s)
             recorder.add(info)
             if words is not None:
-                words.append(env.unwrapped.describe_last_decision())  # type: ignore[attr-defined]
+                words.append(_words(env))
             if info["scorecard"]["cycle_time_s"] != cycle_time_s:  # a target was finished
                 last_s, thought_before_last_s = float(info["scorecard"]["duration_s"]), sum(thinking)
-            total += float(reward)
+            total += decision.reward
             for name, value in info["rewards"].items():
                 terms[name] += float(value)
+            terminated = decision.terminated
+            if not decision.last and cancelled():
+                raise EpisodeCancelledError
     finally:
         env.close()
     return {
         "return": plain_number(total),
         "rewards": plain(terms),
         "steps": len(thinking),
-        "terminated": bool(terminated),
+        "terminated": terminated,
         "scorecard": plain(info["scorecard"]),
         "last_s": last_s,
         "wall_s": time.perf_counter() - started,
@@ -116,16 +111,20 @@ def _play(episode: Episode, cancelled: Callable[[], bool]) -> Record:
     }
 
 
+def _policy(episode: Episode, env: Any) -> Policy:
+    seed = POLICY_SEEDS + episode.seed
+    if episode.source is not None:
+        return episode.source.make(env, seed)
+    return agents.make_policy(episode.policy, env, seed=seed)
+
+
+def _words(env: Any) -> str:
+    return env.unwrapped.describe_last_decision()
+
+
 def _make(episode: Episode) -> gym.Env[Any, Any]:
     import gymnasium as gym
 
-    from .. import envs  # noqa: F401  registers the ids
-
-    condition = episode.condition
-    return gym.make(
-        condition.env_id,
-        scenario=condition.scenario,
-        backend=condition.backend,
-        perception=condition.perception,
-        disable_env_checker=True,
-    )
+    where = episode.condition
+    task(where.env_id)  # registers it
+    return gym.make(where.env_id, backend=where.backend, disable_env_checker=True, **where.settings)

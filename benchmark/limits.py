@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .record import Record, condition, plain_number
+from .record import Record, condition, field_of, plain_number
 from .suites import Condition, Episode
 
 CURVE_SHARES = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0)
@@ -31,9 +31,8 @@ def bound(episode: Episode) -> Record:
 
     started = time.perf_counter()
     where = episode.condition
-    drawn = instance(
-        where.env_id, episode.seed, backend=where.backend, scenario=where.scenario, perception=where.perception
-    )
+    file = None if episode.field is None else episode.field.path
+    drawn = instance(where.env_id, episode.seed, backend=where.backend, field=file, **where.settings)
     found = drawn.bound()
     curve = []
     for share in CURVE_SHARES:
@@ -73,14 +72,14 @@ class Limit:
         return max((cycle_s for rate, cycle_s in self.curve if rate <= net_rate), default=0.0)
 
 
-def limits(bounds: Iterable[Record]) -> dict[tuple[Condition, int], Limit]:
-    """The bounds' records by condition and seed; failed ones are left out."""
+def limits(bounds: Iterable[Record]) -> dict[tuple[Condition, int | str], Limit]:
+    """The bounds' records by condition and field; failed ones are left out."""
     found = {}
     for record in bounds:
         if "error" not in record:
             values = record["bound"]
             curve = tuple((float(rate), float(cycle_s)) for rate, cycle_s in values["curve"])
-            found[condition(record), record["seed"]] = Limit(values["net_rate"], values["episode_return"], curve)
+            found[condition(record), field_of(record)] = Limit(values["net_rate"], values["episode_return"], curve)
     return found
 
 
@@ -91,14 +90,14 @@ def violations(records: Iterable[Record], bounds: Iterable[Record]) -> list[str]
     """
     known, told = limits(bounds), []
     for record in records:
-        limit = known.get((condition(record), record["seed"])) if "error" not in record else None
+        limit = known.get((condition(record), field_of(record))) if "error" not in record else None
         if limit is None:
             continue
         for what, value, most in _compared(record, limit):
             if value > most + TOLERANCE * (1.0 + abs(most)):
+                field = record.get("field", f"seed {record['seed']}")
                 told.append(
-                    f"{condition(record)}: {record['policy']}, seed {record['seed']}: {what} {value:.9g} "
-                    f"beats its bound {most:.9g}"
+                    f"{condition(record)}: {record['policy']}, {field}: {what} {value:.9g} beats its bound {most:.9g}"
                 )
     return told
 

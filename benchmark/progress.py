@@ -6,7 +6,7 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from .record import Record
+from .record import Record, field_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -61,13 +61,18 @@ class ProgressDisplay:
 
     def record(self, record: Record) -> None:
         """One more episode is on the disk."""
+        from rich.markup import escape
+
         self._done += 1
-        name = f"{record['env_id'].removeprefix('fieldgym/')} {record['scenario']} {record['policy']} {record['seed']}"
-        self._bar.update(self._task, completed=self._done, latest=f"{record['policy']} {record['seed']}")
+        latest = f"{record['policy']} {field_of(record)}"
+        name = f"{record['env_id'].rpartition(':')[2].removeprefix('fieldgym/')} {record['scenario']} {latest}"
+        self._bar.update(self._task, completed=self._done, latest=escape(latest))
         if "error" in record:
             self._console.print(f"failed: {name}: {record['error']}", style="red", highlight=False, markup=False)
         elif not self._console.is_terminal:
             every = max((self._total - self._skipped) // PLAIN_LINES, 1)
             if (self._done - self._skipped) % every == 0 or self._done == self._total:
                 elapsed = time.monotonic() - self._started
-                self._console.print(f"  {self._done}/{self._total}  {elapsed:5.0f} s  {name}", highlight=False)
+                self._console.print(
+                    f"  {self._done}/{self._total}  {elapsed:5.0f} s  {name}", highlight=False, markup=False
+                )

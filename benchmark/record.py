@@ -8,10 +8,13 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from .suites import Condition, Episode
+from .suites import SCENARIO, Condition, Episode, changes_of
 
 Record = dict[str, Any]
-"""An episode's conditions (``env_id``, ``scenario``, ``backend``, ``perception``, ``policy``, ``seed``), then one of:
+"""An episode's conditions: ``env_id``, ``scenario``, ``backend``, ``perception``, ``policy``, ``seed``; and, if any,
+``changes`` (numbers by dotted name, a scenario from a file among them), ``fields`` (a folder) with ``field`` (a file in
+it) and ``field_digest``, ``source`` (digest of a policy that is not the package's own) and ``task_source`` (of such a
+task). Then one of:
 
 - an episode's result: ``return``, ``rewards`` (sum of each term), ``steps``, ``terminated``, ``scorecard`` (the
   task's, phases among it as ``phase_<name>_s``), ``last_s`` (simulated seconds at which the last target was finished,
@@ -28,27 +31,66 @@ TIMINGS = ("wall_s", "decision_s", "decision_p95_ms", "decision_before_last_s")
 """What is measured with a clock: the only parts of a record that differ between two runs."""
 
 
+_SPECIAL = ("changes", "fields", "field", "field_digest", "source", "task_source")
+
+
 def identity(episode: Episode) -> Record:
     """The fields of a record that tell one episode from all others."""
-    condition = episode.condition
+    where, file = episode.condition, episode.field
+    special = {
+        "changes": where.numbers,
+        "fields": where.fields,
+        "field": file.name if file else "",
+        "field_digest": file.digest if file else "",
+        "source": episode.source.sha256 if episode.source else "",
+        "task_source": episode.task_code,
+    }
     return {
-        "env_id": condition.env_id,
-        "scenario": condition.scenario,
-        "backend": condition.backend,
-        "perception": condition.perception,
+        "env_id": where.env_id,
+        "scenario": where.scenario,
+        "backend": where.backend,
+        "perception": where.perception,
         "policy": episode.policy,
         "seed": episode.seed,
+        **{name: value for name, value in special.items() if value},
     }
 
 
 def key(record: Record) -> tuple[Any, ...]:
     """What a record and an episode have in common when they are the same."""
-    return tuple(record[name] for name in ("env_id", "scenario", "backend", "perception", "policy", "seed"))
+    told = (record[name] for name in ("env_id", "scenario", "backend", "perception", "policy", "seed"))
+    return (*told, changes_of(record.get("changes", {})), *(record.get(name, "") for name in _SPECIAL[1:]))
 
 
 def condition(record: Record) -> Condition:
     """The condition under which a record was made."""
-    return Condition(record["env_id"], record["scenario"], record["backend"], record["perception"])
+    return Condition(
+        record["env_id"],
+        record["scenario"],
+        record["backend"],
+        record["perception"],
+        changes_of(record.get("changes", {})),
+        record.get("fields", ""),
+    )
+
+
+def field_of(record: Record) -> int | str:
+    """What a record's field is told by: the name of its file, else its seed."""
+    return record.get("field", record["seed"])
+
+
+def states(record: Record) -> dict[tuple[str, ...], str]:
+    """The state of everything outside the package that a record depends on, by what it is called.
+
+    Two records that name the same thing in different states must not stand in one table.
+    """
+    env_id, scenario = record["env_id"], record["scenario"]
+    return {
+        ("policy", env_id, record["policy"]): record.get("source", ""),
+        ("task", env_id): record.get("task_source", ""),
+        ("scenario", env_id, scenario): json.dumps(record.get("changes", {}).get(SCENARIO), sort_keys=True),
+        ("field", env_id, record.get("fields", ""), record.get("field", "")): record.get("field_digest", ""),
+    }
 
 
 def failed(episode: Episode, reason: str) -> Record:

@@ -34,6 +34,7 @@ class Report:
         bounds: every bound in the folder, likewise.
         failures: the records of what failed in this run.
         skipped: episodes and bounds that an earlier run had finished.
+        outdated: those of an earlier run that were left out because a file that they came from has changed.
         violations: results that beat their bound, in words; there must be none.
     """
 
@@ -41,6 +42,7 @@ class Report:
     bounds: list[Record]
     failures: list[Record]
     skipped: int
+    outdated: int
     violations: list[str]
 
 
@@ -104,7 +106,7 @@ def run_suite(
     if engine == "ray":
         cluster.load()  # before anything is written
     episodes = suite.episodes()
-    results = Results(folder, manifest(suite.name), resume)
+    results = Results(folder, manifest(suite.name), resume, episodes)
     failures: list[Record] = []
     try:
         done = results.finished(episodes)
@@ -123,7 +125,7 @@ def run_suite(
     finally:
         results.close()
     kept, bounds = ([record for record in part if "error" not in record] for part in (results.records, results.bounds))
-    return Report(kept, bounds, failures, len(done), violations(kept, bounds))
+    return Report(kept, bounds, failures, len(done), results.outdated, violations(kept, bounds))
 
 
 def _records(todo: Sequence[Episode], run: RunEpisode, jobs: int | None) -> Generator[Record, None, None]:

@@ -7,13 +7,13 @@ import json
 import os
 import platform
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from .record import Record, condition, identity, key
+from .record import Record, condition, field_of, identity, key, states
 from .suites import BOUND, Episode
 
 EPISODES = "episodes.jsonl"
@@ -56,11 +56,14 @@ def _processor() -> str:
 
 
 def source_digest() -> str:
-    """Digest of the package's modules and assets: results of two states of the code must not be mixed."""
+    """Digest of the package's modules and assets: results of two states of the code must not be mixed.
+
+    What policies and tasks from elsewhere are made of stands in their records, see ``record.states``.
+    """
     root = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256()
-    rooms = ("mechanisms", "motion", "simulation", "perception", "envs", "bounds", "agents", "assets")
-    files = [path for room in rooms for path in (root / room).rglob("*") if path.is_file()]
+    rooms = ("kernels", "mechanisms", "motion", "rendering", "simulation", "perception", "envs", "bounds", "agents")
+    files = [path for room in (*rooms, "assets") for path in (root / room).rglob("*") if path.is_file()]
     own = [root / "benchmark" / f"{name}.py" for name in ("episode", "limits", "record", "report/timeline")]
     for path in sorted([*files, *own]):
         if "__pycache__" not in path.parts:
@@ -82,12 +85,14 @@ class Results:
         folder: holds ``episodes.jsonl``, ``bounds.jsonl``, ``manifest.json`` and the summaries.
         records: the episodes that are finished; failed ones of an earlier run are left out, so that they run again.
         bounds: the bounds that are finished.
+        outdated: how many were left out because a file that they came from has changed.
     """
 
-    def __init__(self, folder: Path, manifest_now: dict[str, Any], resume: bool):
+    def __init__(self, folder: Path, manifest_now: dict[str, Any], resume: bool, wanted: Iterable[Episode] = ()):
         """Open a folder to add episodes and bounds to it.
 
-        Without ``resume``, what lies there is kept as ``episodes.previous.jsonl`` and ``bounds.previous.jsonl``.
+        Without ``resume``, what lies there is kept as ``episodes.previous.jsonl`` and ``bounds.previous.jsonl``. With
+        it, results of a policy, scenario or field that ``wanted`` has in another state are left out.
 
         Raises:
             ResultsError: the folder cannot be written, or its results come from another version, suite or state of
@@ -96,6 +101,10 @@ class Results:
         self.folder = folder
         self.records: list[Record] = []
         self.bounds: list[Record] = []
+        self.outdated = 0
+        now: dict[tuple[str, ...], str] = {}
+        for episode in wanted:
+            now |= states(identity(episode))
         self._files: dict[str, int] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -106,7 +115,9 @@ class Results:
                 path = folder / name
                 if resume:
                     kept = self._list(name)
-                    kept += [record for record in read(path) if "error" not in record]
+                    there_before = [record for record in read(path) if "error" not in record]
+                    kept += [record for record in there_before if _as_now(record, now)]
+                    self.outdated += len(there_before) - len(kept)
                     write_atomically(path, "".join(json.dumps(record) + "\n" for record in kept))
                 else:
                     os.replace(path, path.with_suffix(".previous.jsonl"))
@@ -164,6 +175,11 @@ class Results:
             os.close(self._files.popitem()[1])
 
 
+def _as_now(record: Record, now: Mapping[tuple[str, ...], str]) -> bool:
+    """Whether nothing that a record depends on is wanted in another state."""
+    return all(now.get(name, state) == state for name, state in states(record).items())
+
+
 def _filled(path: Path) -> bool:
     return path.exists() and path.stat().st_size > 0
 
@@ -204,8 +220,8 @@ def load(folder: Path) -> list[Record]:
     """
     records = [record for record in read(folder / EPISODES) if "error" not in record]
     bounds = read(folder / BOUNDS) if (folder / BOUNDS).exists() else []
-    found = {(condition(record), record["seed"]): record["bound"] for record in bounds if "error" not in record}
-    return [{**record, "bound": found.get((condition(record), record["seed"]))} for record in records]
+    found = {(condition(record), field_of(record)): record["bound"] for record in bounds if "error" not in record}
+    return [{**record, "bound": found.get((condition(record), field_of(record)))} for record in records]
 
 
 def write_atomically(path: Path, text: str) -> None:

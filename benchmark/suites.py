@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..agents.sources import REGISTERED, PolicySource, policy_names, policy_source, task_code
+from ..envs.task import TaskSpec, task, tasks
+from .fields import FieldFile
 
 SUITES = ("quick", "full", "tiers")
-BACKENDS = ("pybullet", "analytic")
 
 BOUND = "bound"
 """Stands where a policy stands: what no policy can beat on that instance, see ``limits``."""
@@ -27,21 +33,78 @@ class Condition:
     """What is held equal while policies are compared.
 
     Attributes:
-        env_id: registered id of the environment.
-        scenario: one of the environment's scenarios.
+        env_id: registered id of the environment, ``module:id`` where a module has to be imported for it.
+        scenario: one of the environment's scenarios, or the name of the file that its numbers came from.
         backend: ``"pybullet"`` or ``"analytic"``.
         perception: ``"perfect"``, ``"model"`` or ``"camera"``.
+        changes: numbers of the configuration that are not the scenario's, a JSON object by dotted name, keys in order;
+            a scenario from a file stands in it whole. Empty without any.
+        fields: folder of the field files that are played; empty where fields are drawn from seeds.
     """
 
     env_id: str
     scenario: str
     backend: str
     perception: str
+    changes: str = ""
+    fields: str = ""
 
     def __str__(self) -> str:
         """One line for titles."""
-        name = self.env_id.removeprefix("fieldgym/")
-        return f"{name}, {self.scenario}, {self.backend}, {self.perception} perception"
+        name = self.env_id.rpartition(":")[2].removeprefix("fieldgym/")
+        return ", ".join((name, self.scenario, self.backend, f"{self.perception} perception", *self.specials()))
+
+    def title(self) -> str:
+        """One line for a single policy's episodes: the whole id, without what it sees with."""
+        return ", ".join((self.env_id.rpartition(":")[2], self.scenario, self.backend, *self.specials()))
+
+    def specials(self) -> tuple[str, ...]:
+        """What is special about it, in words: changed numbers and a folder of fields."""
+        numbers = [f"{key} = {value}" for key, value in self.numbers.items() if key != SCENARIO]
+        return (*numbers, *([f"fields of {self.fields}"] if self.fields else []))
+
+    @property
+    def instances(self) -> str:
+        """What episodes differ in, in a word: a field's file or a seed."""
+        return "field" if self.fields else "seed"
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """The changed numbers by dotted name."""
+        return json.loads(self.changes) if self.changes else {}
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Keyword arguments of its environments, but for the backend."""
+        numbers = _joined(self.numbers)
+        named = {} if SCENARIO in numbers else {"scenario": self.scenario}
+        return {**named, "perception": self.perception, **({"overrides": numbers} if numbers else {})}
+
+
+SCENARIO = "scenario"
+"""Dotted name of a configuration's scenario."""
+
+
+def _joined(numbers: dict[str, Any]) -> dict[str, Any]:
+    """The same numbers with those of the scenario inside a scenario from a file, where there is one."""
+    if SCENARIO not in numbers:
+        return numbers
+    rest = {}
+    for name, value in numbers.items():
+        if name.startswith(f"{SCENARIO}."):
+            *path, last = name.split(".")
+            inner = numbers
+            for part in path:
+                inner = inner[part]
+            inner[last] = value
+        else:
+            rest[name] = value
+    return rest
+
+
+def changes_of(numbers: Mapping[str, Any]) -> str:
+    """``Condition.changes`` of numbers by dotted name."""
+    return json.dumps(numbers, sort_keys=True) if numbers else ""
 
 
 @dataclass(frozen=True)
@@ -53,16 +116,22 @@ class Episode:
         policy: its name, or ``BOUND``.
         seed: of the environment.
         timeline: keep what the machine did each second.
+        field: the file that is played; ``seed`` draws what it leaves open. None: all is drawn.
+        source: where the policy comes from; None for one of the package's own.
+        task_code: digest of the task's code; empty for one of the package's own.
     """
 
     condition: Condition
     policy: str
     seed: int
     timeline: bool = field(default=False, compare=False)
+    field: FieldFile | None = None
+    source: PolicySource | None = None
+    task_code: str = ""
 
     def __str__(self) -> str:
         """One line for progress and errors."""
-        return f"{self.condition}: {self.policy}, seed {self.seed}"
+        return f"{self.condition}: {self.policy}, {f'seed {self.seed}' if self.field is None else self.field.name}"
 
 
 @dataclass(frozen=True)
@@ -76,6 +145,9 @@ class Case:
         seeds: of the environment; equal seeds are equal fields with equal luck, so comparisons are paired. The timeline
             of the first one is kept.
         bounded: whether the instances have a bound.
+        fields: files that are played instead, every one with the first seed.
+        sources: where policies come from that are not the package's own.
+        task_code: see ``Episode``.
     """
 
     condition: Condition
@@ -83,14 +155,20 @@ class Case:
     reference: str
     seeds: tuple[int, ...]
     bounded: bool = False
+    fields: tuple[FieldFile, ...] = ()
+    sources: tuple[PolicySource, ...] = ()
+    task_code: str = ""
 
     def episodes(self) -> Iterator[Episode]:
         """Seeds outermost, so that an interrupted run holds complete pairs."""
-        for seed in self.seeds:
+        source = {each.name: each for each in self.sources}
+        instances = [(self.seeds[0], file) for file in self.fields] or [(seed, None) for seed in self.seeds]
+        for seed, file in instances:
+            first = (seed, file) == instances[0]
             for policy in self.policies:
-                yield Episode(self.condition, policy, seed, timeline=seed == self.seeds[0])
+                yield Episode(self.condition, policy, seed, first, file, source.get(policy), self.task_code)
             if self.bounded:
-                yield Episode(self.condition, BOUND, seed)
+                yield Episode(self.condition, BOUND, seed, field=file, task_code=self.task_code)
 
 
 @dataclass(frozen=True)
@@ -141,44 +219,98 @@ class Suite:
             ]
         return replace(self, cases=tuple(cases))
 
+    def under(self, scenario: str | None = None, numbers: Mapping[str, Any] | None = None) -> Suite:
+        """The same suite under another scenario, or with other numbers; cases that become the same are run once.
+
+        Args:
+            scenario: its name, for titles; None leaves each case its own.
+            numbers: changes of the configuration by dotted name, a scenario from a file among them.
+        """
+        cases: dict[Condition, Case] = {}
+        for case in self.cases:
+            where = replace(case.condition, changes=changes_of(numbers or {}))
+            where = where if scenario is None else replace(where, scenario=scenario)
+            cases.setdefault(where, replace(case, condition=where))
+        return replace(self, cases=tuple(cases.values()))
+
+    def on_fields(self, folder: str, files: Sequence[FieldFile]) -> Suite:
+        """The same suite on field files instead of seeds."""
+        cases = [
+            replace(case, condition=replace(case.condition, fields=folder), fields=tuple(files)) for case in self.cases
+        ]
+        return replace(self, cases=tuple(cases))
+
+    def traced(self, trust: bool = False) -> Suite:
+        """The same suite with where its policies and tasks come from, as far as they are not the package's own.
+
+        Args:
+            trust: allow saved models of Stable-Baselines3, which may run code.
+
+        Raises:
+            PolicySourceError: there is no such policy, or its file or module cannot be used.
+        """
+        cases = []
+        for case in self.cases:
+            env_id = case.condition.env_id
+            sources = [policy_source(env_id, name, trust) for name in case.policies]
+            for source in sources:
+                source.factory()
+            foreign = tuple(source for source in sources if source.kind != REGISTERED or source.sha256)
+            cases.append(replace(case, sources=foreign, task_code=task_code(env_id)))
+        return replace(self, cases=tuple(cases))
+
 
 def _moved(case: Case, backend: str) -> Case:
     """``case`` on another backend, seen the way that backend sees."""
-    perception = default_perception(case.condition.env_id, backend)
+    perception = task(case.condition.env_id).assembly.default_perception(backend)
     return replace(case, condition=replace(case.condition, backend=backend, perception=perception))
 
 
-def default_perception(env_id: str, backend: str) -> str:
-    """What a machine on this backend sees with: its camera in PyBullet where the task has one, else the model of it."""
-    from ..envs import task
+def _part(spec: TaskSpec, backend: str, perception: str) -> tuple[str, str]:
+    """Backend and perception that a task has, the wanted ones where there are."""
+    backend = backend if backend in spec.backends else spec.backends[0]
+    return backend, perception if perception in spec.perceptions else spec.assembly.default_perception(backend)
 
-    return "camera" if backend == "pybullet" and "camera" in task(env_id).perceptions else "model"
+
+def usable_tasks() -> list[TaskSpec]:
+    """Every registered task that can be loaded; others are named in a warning of one line."""
+    found = []
+    for spec in tasks():
+        try:
+            spec.assembly  # noqa: B018  loads its code
+        except Exception as error:
+            told = " ".join(f"{type(error).__name__}: {error}".split())
+            warnings.warn(f"task {spec.id!r} was left out: {told}", stacklevel=2)
+        else:
+            found.append(spec)
+    return found
 
 
-def suite(name: str) -> Suite:
+def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
     """The suite of this name over every registered environment.
 
     ``quick``: each environment's headline scenario in PyBullet, the first one (the picking paper's protocol) with its
     camera, the others on fewer seeds with the model of theirs, without bounds. ``full``: every headline scenario on
     many seeds with the analytic backend, and on the first of them in PyBullet, both with the camera's model, so that
     the two differ in what carries plans out alone. ``tiers``: every scenario on many seeds with the analytic backend.
+    A task without a simulated machine, or without a camera, is run with what it has.
+
+    Args:
+        name: one of ``SUITES``.
+        ids: environments, ``module:id`` among them; None for all.
 
     Raises:
         ValueError: there is no such suite.
     """
-    from ..agents import policy_names, reference_policy
-    from ..bounds import bounded_ids
-    from ..envs import env_ids, task
-
     if name not in SUITES:
         raise ValueError(f"no suite is called {name!r}: choose one of {', '.join(SUITES)}")
-    cases = []
-    for env_id in env_ids():
+    cases: dict[Condition, Case] = {}
+    for env_id in [spec.id for spec in usable_tasks()] if ids is None else ids:
         spec = task(env_id)
         headline = (spec.headline,)
         if name == "quick":
-            first = env_id == env_ids()[0]
-            sees = default_perception(env_id, "pybullet") if first else "model"
+            first = spec == tasks()[0]
+            sees = spec.assembly.default_perception("pybullet") if first else "model"
             parts = [(headline, "pybullet", sees, 0, QUICK_EPISODES if first else QUICK_TOUR_EPISODES)]
         elif name == "full":
             parts = [
@@ -187,15 +319,14 @@ def suite(name: str) -> Suite:
             ]
         else:
             parts = [(spec.scenarios, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES)]
-        cases += [
-            Case(
-                Condition(env_id, scenario, backend, perception),
-                tuple(policy_names(env_id)),
-                reference_policy(env_id),
-                tuple(range(first_seed, first_seed + episodes)),
-                name != "quick" and env_id in bounded_ids(),
-            )
-            for scenarios, backend, perception, first_seed, episodes in parts
-            for scenario in scenarios
-        ]
-    return Suite(name, tuple(cases))
+        for scenarios, backend, perception, first_seed, episodes in parts:
+            for scenario in scenarios:
+                case = Case(
+                    Condition(env_id, scenario, *_part(spec, backend, perception)),
+                    policy_names(env_id),
+                    spec.reference,
+                    tuple(range(first_seed, first_seed + episodes)),
+                    name != "quick" and spec.bound is not None,
+                )
+                cases.setdefault(case.condition, case)
+    return Suite(name, tuple(cases.values()))

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..agents.policies.weights import LEARNED
+from ..agents.sources import BY_ENDING
 from .limits import Limit, limits
-from .record import Record, condition
+from .record import Record, condition, field_of
 from .statistics import Difference, Estimate, interquartile_mean, mean, paired_difference
 from .suites import BOUND, Case, Condition
 
 MAIN = ("net_rate", "cycle_time_s", "throughput_per_min", "damaged", "return")
 """Scores with an interquartile mean and a paired difference to the reference policy."""
 
-LEARNED = "learned"
-"""How the names of learned policies begin; they are compared with every rule."""
 
 Values = dict[str, float]
+
+
+def is_learned(policy: str) -> bool:
+    """Whether a policy's name is one of a learned one; these are compared with every rule."""
+    return policy.startswith(LEARNED) or Path(policy).suffix in BY_ENDING
 
 
 @dataclass(frozen=True)
@@ -61,17 +67,17 @@ def summarise(records: Iterable[Record], cases: Sequence[Case], bounds: Iterable
         cases: give the order and the reference policies.
         bounds: records of bounds; each condition that has some ends with a row of their means.
     """
-    groups: dict[Condition, dict[str, dict[int, Values]]] = {}
+    groups: dict[Condition, dict[str, dict[int | str, Values]]] = {}
     charged: set[Condition] = set()
     for record in records:
         if "error" not in record:
             policies = groups.setdefault(condition(record), {})
-            policies.setdefault(record["policy"], {})[record["seed"]] = _values(record)
+            policies.setdefault(record["policy"], {})[field_of(record)] = _values(record)
             if record.get("charged"):
                 charged.add(condition(record))
-    known: dict[Condition, dict[int, Limit]] = {}
-    for (where, seed), limit in limits(bounds).items():
-        known.setdefault(where, {})[seed] = limit
+    known: dict[Condition, dict[int | str, Limit]] = {}
+    for (where, drawn), limit in limits(bounds).items():
+        known.setdefault(where, {})[drawn] = limit
     order = {case.condition: case for case in cases}
     references = {case.condition.env_id: case.reference for case in cases}
     rows = []
@@ -107,12 +113,12 @@ def _values(record: Record) -> Values:
 
 @dataclass(frozen=True)
 class _RowMaker:
-    """Everything that was measured under one condition: values by policy, seed and name, and bounds by seed."""
+    """Everything that was measured under one condition: values by policy, field and name, and bounds by field."""
 
     group: Condition
     reference: str
-    policies: Mapping[str, Mapping[int, Values]]
-    known: Mapping[int, Limit]
+    policies: Mapping[str, Mapping[Any, Values]]
+    known: Mapping[Any, Limit]
     charged: bool
 
     def row(self, policy: str) -> Row:
@@ -123,7 +129,7 @@ class _RowMaker:
         columns = {name: [each.get(name, np.nan) for each in values] for name in names}
         main = [name for name in MAIN if name in columns]
         compared = self.reference in self.policies and policy != self.reference
-        rules = [name for name in self.policies if not name.startswith(LEARNED)]
+        rules = [name for name in self.policies if not is_learned(name)]
         return Row(
             condition=self.group,
             policy=policy,
@@ -133,9 +139,7 @@ class _RowMaker:
             iqm={name: interquartile_mean(columns[name]) for name in main},
             differences={name: self._difference(policy, self.reference, name) for name in main if compared},
             gaps=self._gaps(own),
-            over_rules={name: self._difference(policy, name, "return") for name in rules}
-            if policy.startswith(LEARNED)
-            else {},
+            over_rules={name: self._difference(policy, name, "return") for name in rules} if is_learned(policy) else {},
             charged=self.charged,
         )
 
@@ -153,7 +157,7 @@ class _RowMaker:
             [own[seed].get(name, np.nan) for seed in shared], [theirs[seed].get(name, np.nan) for seed in shared]
         )
 
-    def _gaps(self, own: Mapping[int, Values]) -> dict[str, Difference]:
+    def _gaps(self, own: Mapping[Any, Values]) -> dict[str, Difference]:
         shared = [(own[seed], self.known[seed]) for seed in sorted(own.keys() & self.known.keys())]
         if not shared:
             return {}

@@ -109,7 +109,7 @@ MARKDOWN: tuple[tuple[str, tuple[Column, ...]], ...] = (
 
 CSV_COLUMNS = (
     *("env_id", "scenario", "backend", "perception", "policy", "reference"),
-    *("score", "value", "low", "high", "n", "charged"),
+    *("score", "value", "low", "high", "n", "charged", "changes", "fields"),
 )
 
 LEGEND = (
@@ -240,7 +240,7 @@ def comma_separated(rows: Iterable[Row]) -> str:
     """One line a condition, policy and score.
 
     Interquartile means are the scores called ``<score>_iqm``, paired differences ``<score>_minus_reference``, gaps to
-    the bound ``<score>_gap``, a learned policy's differences to rules ``return_minus_<rule>``. The last column is 1
+    the bound ``<score>_gap``, a learned policy's differences to rules ``return_minus_<rule>``. ``charged`` is 1
     where thinking was charged to the clocks.
     """
     buffer = io.StringIO()
@@ -254,7 +254,8 @@ def comma_separated(rows: Iterable[Row]) -> str:
         group = row.condition
         whose = (group.env_id, group.scenario, group.backend, group.perception, row.policy, row.reference)
         for name, estimate in named:
-            writer.writerow([*whose, name, estimate.value, estimate.low, estimate.high, estimate.n, int(row.charged)])
+            numbers = (estimate.value, estimate.low, estimate.high, estimate.n, int(row.charged))
+            writer.writerow([*whose, name, *numbers, group.changes, group.fields])
     return buffer.getvalue()
 
 

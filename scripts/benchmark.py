@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fieldgym.scripts.common import INTERRUPTED, CommandError, at_least_one, chosen, environment_id, execute
+from fieldgym.scripts.common import (
+    INTERRUPTED,
+    CommandError,
+    Fields,
+    Scenario,
+    Sets,
+    Trust,
+    at_least_one,
+    chosen,
+    environment_id,
+    execute,
+    fields_of,
+    scenario_of,
+    seeds_of,
+    told_in_one_line,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,9 +47,16 @@ def main(
     ] = "quick",
     env: Annotated[str | None, typer.Option(metavar="ID", help="Only this environment; see fieldgym list.")] = None,
     policies: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Only these policies; keep the reference for differences.")
+        str | None,
+        typer.Option(
+            metavar="A,B",
+            help="Only these: names, FILE.py:NAME, MODULE:NAME, FILE.npz, FILE.zip; keep the reference to compare.",
+        ),
     ] = None,
     episodes: Annotated[int | None, typer.Option(help="Number of seeds instead of the suite's.")] = None,
+    scenario: Scenario = None,
+    sets: Sets = None,
+    fields: Fields = None,
     backend: Annotated[str | None, typer.Option(help="Only this backend: pybullet or analytic.")] = None,
     jobs: Annotated[int | None, typer.Option(help="Worker processes; by default one a core.")] = None,
     out: Annotated[Path, typer.Option(help="Results go to a folder of the suite's name in here.")] = Path("results"),
@@ -45,6 +68,7 @@ def main(
             help="Add each policy's measured thinking to its cycle times; nothing moves meanwhile.",
         ),
     ] = False,
+    trust: Trust = False,
     engine: Annotated[str, typer.Option(help="local, or ray: spread the episodes over a Ray cluster.")] = "local",
 ) -> None:
     """Run policies on the same fields with the same luck and compare net rate and cycle time.
@@ -57,11 +81,17 @@ def main(
 
       fieldgym benchmark --suite full --jobs 2
 
+      fieldgym benchmark --env LaserWeeding --policies fifo,./mine.py:Mine --episodes 20 --backend analytic
+
       fieldgym benchmark --env SafflowerPicking --policies fixed-order,nearest --backend analytic --episodes 200
     """
     from fieldgym.benchmark import cluster, progress, record, runner, store, suites, tables, thinking
 
-    wanted = _suite(suite, env, policies, episodes, backend)
+    wanted = _suite(suite, env, policies, episodes, backend, trust)
+    if env is not None:
+        wanted = _special(wanted, scenario, sets or (), fields, episodes)
+    elif scenario or sets or fields:
+        raise CommandError("--scenario, --set and --fields are of one environment: name it with --env")
     chosen(engine, runner.ENGINES, "engine")
     if jobs is not None:
         at_least_one(jobs, "--jobs")
@@ -96,8 +126,10 @@ def main(
         raise CommandError(f"cannot write to {folder} ({error.strerror}): choose another folder with --out") from None
     except runner.InterruptedRunError as error:
         given = {"--env": env, "--policies": policies, "--episodes": episodes, "--backend": backend, "--jobs": jobs}
+        given |= {"--scenario": scenario, "--fields": fields}
         words = ["fieldgym", "benchmark", "--suite", suite, "--out", str(out), "--resume"]
         words += [word for option, value in given.items() if value is not None for word in (option, str(value))]
+        words += [word for each in sets or () for word in ("--set", each)] + ["--trust"] * trust
         words += ["--charge-thinking"] * charge_thinking + ["--engine", engine] * (engine != "local")
         again = shlex.join(words)
         typer.echo(f"fieldgym: {error} in {folder}. Go on with: {again}", err=True)
@@ -105,27 +137,47 @@ def main(
     _close(console, report, [folder / store.EPISODES, *written])
 
 
-def _suite(name: str, env: str | None, policies: str | None, episodes: int | None, backend: str | None) -> Suite:
+def _suite(
+    name: str, env: str | None, policies: str | None, episodes: int | None, backend: str | None, trust: bool
+) -> Suite:
     """The suite that the options describe, every word of them checked before anything runs."""
-    from fieldgym.agents import policy_names
     from fieldgym.benchmark import suites
+    from fieldgym.envs import task
+    from fieldgym.envs.assembly import BACKENDS
 
-    wanted = suites.suite(chosen(name, suites.SUITES, "suite"))
+    chosen(name, suites.SUITES, "suite")
     env_id = None if env is None else environment_id(env)
+    wanted = suites.suite(name, None if env_id is None else [env_id])
     if episodes is not None:
         at_least_one(episodes, "--episodes")
     if backend is not None:
-        chosen(backend, suites.BACKENDS, "backend")
+        chosen(backend, BACKENDS if env_id is None else task(env_id).backends, "backend")
     names = None
     if policies is not None:
         names = list(dict.fromkeys(word.strip() for word in policies.split(",") if word.strip()))
         if not names:
             raise CommandError("--policies names none: give names with commas between them, as in fixed-order,nearest")
-        ids = [env_id] if env_id is not None else list(dict.fromkeys(case.condition.env_id for case in wanted.cases))
-        for word in names:
-            for each in ids:
-                chosen(word, policy_names(each), f"policy for {each}")
-    return wanted.narrowed(env_id, names, episodes, backend)
+    with told_in_one_line():
+        return wanted.narrowed(env_id, names, episodes, backend).traced(trust)
+
+
+def _special(
+    wanted: Suite, scenario: str | None, sets: Sequence[str], fields: Path | None, episodes: int | None
+) -> Suite:
+    """A suite of one environment under another scenario, with other numbers, or on field files."""
+    from fieldgym.envs import task
+
+    spec = task(wanted.cases[0].condition.env_id)
+    for each in (scenario,) if scenario else {case.condition.scenario for case in wanted.cases}:
+        _, numbers = scenario_of(spec, each, sets)
+        if scenario or numbers:
+            wanted = wanted.under(scenario, numbers)
+    if fields is not None:
+        first = wanted.cases[0]
+        seeds_of(first.seeds[0], episodes, fields, 1)
+        wanted = wanted.on_fields(str(fields), ())
+        wanted = wanted.on_fields(str(fields), fields_of(wanted.cases[0].condition, first.seeds[0]))
+    return wanted
 
 
 def _console() -> Console:
@@ -139,6 +191,8 @@ def _console() -> Console:
 def _close(console: Console, report: Report, paths: list[Path]) -> None:
     """Say where things are; leave with exit code 1 when an episode failed or beat its bound."""
     console.print("Written: " + ", ".join(str(path) for path in paths), soft_wrap=True, highlight=False)
+    if report.outdated:
+        console.print(f"{report.outdated} earlier results were left out: a policy, scenario or field has changed.")
     if report.failures:
         reasons = dict.fromkeys(str(record["error"]) for record in report.failures)
         typer.echo(

@@ -9,7 +9,7 @@ import typer
 
 import fieldgym
 from fieldgym.scripts import benchmark, evaluate, field, prepare, report, reproduce, run, train
-from fieldgym.scripts.common import execute
+from fieldgym.scripts.common import execute, usable_tasks
 
 app = typer.Typer(
     help="Task-level control of agricultural parallel robots: which target next, and how.",
@@ -54,11 +54,10 @@ def list_environments(
       fieldgym list --json
     """
     from fieldgym.agents import policy_names, reference_policy
-    from fieldgym.envs import env_ids, task
 
     entries = []
-    for env_id in env_ids():
-        spec = task(env_id)
+    for spec in usable_tasks():
+        env_id = spec.id
         entries.append(
             {
                 "id": env_id,
@@ -78,6 +77,7 @@ def list_environments(
         return
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     console = Console(highlight=False)
     for entry in entries:
@@ -86,8 +86,8 @@ def list_environments(
             if label == "id":
                 continue
             text = ", ".join(value) if isinstance(value, list) else value
-            table.add_row(label.replace("_", " "), text)
-        console.print(f"[bold]{entry['id']}[/bold]")
+            table.add_row(label.replace("_", " "), Text(str(text)))
+        console.print(str(entry["id"]), style="bold", markup=False)
         console.print(table)
         console.print()
 

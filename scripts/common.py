@@ -1,35 +1,58 @@
-"""What the commands share: errors of one line, and choices that know what was meant."""
+"""What the commands share: errors of one line, choices that know what was meant, and what a task is asked under."""
 
 from __future__ import annotations
 
-import difflib
+import json
 import os
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+if TYPE_CHECKING:
+    from fieldgym.agents.sources import PolicySource
+    from fieldgym.benchmark.fields import FieldFile
+    from fieldgym.benchmark.suites import Condition
+    from fieldgym.envs import TaskSpec
+
 USAGE_ERROR = 2
 INTERRUPTED = 130
+
+
+Scenario = Annotated[
+    str | None, typer.Option(metavar="NAME|FILE", help="A name or a .yaml file; by default the headline scenario.")
+]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Another number, as process.power_w=150; may be repeated."),
+]
+Fields = Annotated[
+    Path | None, typer.Option(metavar="FOLDER", help="Play its field files, one an episode, instead of seeds.")
+]
+Trust = Annotated[
+    bool, typer.Option("--trust", help="Load saved Stable-Baselines3 models (.zip), which may run any code.")
+]
 
 
 class CommandError(Exception):
     """What was asked cannot be done; the message is one line and says what to do instead."""
 
 
-def chosen(value: str, choices: Sequence[str], what: str) -> str:
-    """``value`` when it is one of ``choices``.
+def chosen(value: str, choices: Sequence[str], what: str, more: str = "") -> str:
+    """``value`` when it is one of ``choices``; ``more`` says what else it may be.
 
     Raises:
         CommandError: it is not; the message lists the choices and names the nearest.
     """
+    from fieldgym.envs.assembly import meant
+
     if value in choices:
         return value
-    near = difflib.get_close_matches(value, choices, n=1, cutoff=0.5)
-    hint = f" Did you mean {near[0]}?" if near else ""
-    raise CommandError(f"no {what} is called {value!r}.{hint} Choose one of: {', '.join(choices)}")
+    raise CommandError(f"no {what} is called {value!r}: {meant(value, choices)}{more}")
 
 
 def at_least_one(value: int, option: str) -> int:
@@ -44,20 +67,150 @@ def at_least_one(value: int, option: str) -> int:
 
 
 def environment_id(name: str) -> str:
-    """The registered id that ``name`` means; the namespace and the version may be left out.
+    """The registered id that ``name`` means; namespace and version may be left out.
+
+    With a module in front, ``module:name``, that is imported first and stays in front: workers need it too.
 
     Raises:
-        CommandError: there is no such environment.
+        CommandError: there is no such environment, or its module fails.
     """
+    from fieldgym.agents.foreign import ForeignError, module_named
     from fieldgym.envs import env_ids
 
-    short = {env_id.removeprefix("fieldgym/").split("-v")[0].lower(): env_id for env_id in env_ids()}
-    bare = name.removeprefix("fieldgym/")
-    if f"fieldgym/{bare}" in env_ids():
-        return f"fieldgym/{bare}"
-    if bare.lower() in short:
-        return short[bare.lower()]
-    return chosen(name, env_ids(), "environment")
+    module, _, bare = name.rpartition(":")
+    if module:
+        try:
+            module_named(module)
+        except ForeignError as error:
+            raise CommandError(f"environment {name!r}: {error}") from None
+    ids = env_ids()
+    short = {env_id.rpartition("/")[2].rpartition("-v")[0].lower(): env_id for env_id in reversed(ids)}
+    versioned = {env_id.rpartition("/")[2]: env_id for env_id in reversed(ids)}
+    found = bare if bare in ids else versioned.get(bare) or short.get(bare.rpartition("/")[2].lower())
+    if found is None:
+        return chosen(bare, ids, "environment")
+    return f"{module}:{found}" if module else found
+
+
+def usable_tasks() -> list[TaskSpec]:
+    """Every task that can be loaded; the others are told, a line each."""
+    from fieldgym.benchmark.suites import usable_tasks as usable
+
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        found = usable()
+    for warning in told:
+        typer.echo(f"fieldgym: {warning.message}", err=True)
+    return found
+
+
+def numbers_of(words: Sequence[str]) -> dict[str, Any]:
+    """Numbers by dotted name from ``name=value``; values are JSON, anything else is text.
+
+    Raises:
+        CommandError: a word has no ``=`` or a name comes twice.
+    """
+    numbers: dict[str, Any] = {}
+    for word in words:
+        name, equals, value = (part.strip() for part in word.partition("="))
+        if not equals or not name:
+            raise CommandError(f"--set {word}: give NAME=VALUE, as in process.power_w=150")
+        if name in numbers:
+            raise CommandError(f"--set {name}: given twice, give it once")
+        try:
+            numbers[name] = json.loads(value)
+        except ValueError:
+            numbers[name] = value
+    return numbers
+
+
+def scenario_of(spec: TaskSpec, scenario: str | None, sets: Sequence[str]) -> tuple[str, dict[str, Any]]:
+    """A scenario's name for titles, and the numbers that are changed, those of a scenario's file among them.
+
+    Raises:
+        CommandError: the scenario is unknown, its file is none, or a number is not allowed.
+    """
+    from fieldgym.kernels.config_fields import plain
+
+    name, numbers = scenario or spec.headline, numbers_of(sets)
+    if not name.endswith((".yaml", ".yml")):
+        chosen(name, spec.scenarios, f"scenario of {spec.id}", ", or give a .yaml file")
+    with told_in_one_line():
+        spec.assembly.configured(name, overrides=numbers)
+        if name not in spec.scenarios:
+            numbers["scenario"] = plain(spec.assembly.scenario(name))
+    return name, numbers
+
+
+def condition_of(
+    env_id: str, scenario: str | None, backend: str, perception: str | None, sets: Sequence[str], fields: Path | None
+) -> Condition:
+    """What a policy is to meet, every word of it checked.
+
+    Raises:
+        CommandError: a word is unknown or a number is not allowed.
+    """
+    from fieldgym.benchmark.suites import Condition, changes_of
+    from fieldgym.envs import task
+
+    spec = task(env_id)
+    chosen(backend, spec.backends, "backend")
+    seen = chosen(perception or spec.assembly.default_perception(backend), spec.perceptions, "perception")
+    name, numbers = scenario_of(spec, scenario, sets)
+    return Condition(env_id, name, backend, seen, changes_of(numbers), str(fields or ""))
+
+
+def seeds_of(seed: int, episodes: int | None, fields: Path | None, default: int) -> range:
+    """The seeds that are asked for.
+
+    Raises:
+        CommandError: they are no such, or fields are asked for as well.
+    """
+    if seed < 0:
+        raise CommandError(f"--seed {seed}: give 0 or more")
+    if episodes is not None and fields is not None:
+        raise CommandError(f"--episodes {episodes} with --fields: every file of the folder is an episode, give one")
+    return range(seed, seed + at_least_one(default if episodes is None else episodes, "--episodes"))
+
+
+def fields_of(condition: Condition, seed: int) -> tuple[FieldFile, ...]:
+    """The files of a condition's folder of fields, each tried; none where there is no folder.
+
+    Raises:
+        CommandError: the folder holds none, or one is no field of this task.
+    """
+    from fieldgym.benchmark.fields import field_files
+
+    if not condition.fields:
+        return ()
+    settings = condition.settings
+    if settings["perception"] == "camera":  # what is checked needs no picture
+        settings["perception"] = "perfect"
+    with told_in_one_line():
+        return field_files(condition.env_id, condition.fields, settings, seed)
+
+
+def policy_of(env_id: str, name: str, trust: bool) -> PolicySource:
+    """Where a policy comes from; its code was run once, so that it is known to work.
+
+    Raises:
+        CommandError: there is no such policy, or its code fails.
+    """
+    from fieldgym.agents.sources import policy_source
+
+    with told_in_one_line():
+        source = policy_source(env_id, name, trust)
+        source.factory()
+        return source
+
+
+@contextmanager
+def told_in_one_line() -> Iterator[None]:
+    """Make a command's error of what is wrong with a user's words, files and policies."""
+    try:
+        yield
+    except ValueError as error:
+        raise CommandError(" ".join(str(error).split())) from None
 
 
 def writable_folder(folder: Path, option: str) -> Path:
@@ -86,6 +239,10 @@ def execute(app: typer.Typer, name: str) -> NoReturn:
         app: the commands.
         name: what the help and the errors call the program.
     """
+    # What is said of a policy or a plug-in is for a user, who has no use for the place in the code.
+    warnings.showwarning = lambda message, *_, **__: print(f"fieldgym: {message}", file=sys.stderr)
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # module:Name means a module that lies here, too
     try:
         code = app(prog_name=name, standalone_mode=False)
     except CommandError as error:

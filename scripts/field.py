@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from fieldgym.scripts.common import CommandError, chosen, environment_id
+from fieldgym.scripts.common import CommandError, chosen, environment_id, told_in_one_line
 
 app = typer.Typer(help="Fields in files: draw, check, show, convert.", no_args_is_help=True)
 
@@ -139,15 +138,6 @@ def columns(
                 table.add_row(line.name, line.unit, line.values, line.if_missing or "must be given", line.doc)
         console.print(f"[bold]{kind}[/bold]  {summary(kind, field_type)}{main}".rstrip())
         console.print(table)
-
-
-@contextmanager
-def told_in_one_line() -> Iterator[None]:
-    """Make a command's error of what is wrong with a field or a configuration."""
-    try:
-        yield
-    except ValueError as error:
-        raise CommandError(str(error)) from None
 
 
 def _core(env: str, scenario: str | None, perception: str | None) -> Any:

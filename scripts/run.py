@@ -10,7 +10,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fieldgym.scripts.common import CommandError, at_least_one, chosen, environment_id, execute, writable_folder
+from fieldgym.scripts.common import (
+    CommandError,
+    Fields,
+    Scenario,
+    Sets,
+    Trust,
+    condition_of,
+    environment_id,
+    execute,
+    fields_of,
+    policy_of,
+    seeds_of,
+    told_in_one_line,
+    writable_folder,
+)
 
 if TYPE_CHECKING:
     import gymnasium as gym
@@ -24,14 +38,21 @@ MOST_COLUMNS = 4
 
 def main(
     env: Annotated[str, typer.Argument(metavar="ID", help="An environment; see fieldgym list.", show_default=False)],
-    policy: Annotated[str | None, typer.Option(help="Who decides; by default the paper's own order.")] = None,
-    episodes: Annotated[int, typer.Option(help="How many, with seeds SEED, SEED + 1, ...")] = 1,
+    policy: Annotated[
+        str | None, typer.Option(metavar="NAME|FILE", help="Who decides; by default the paper's own order.")
+    ] = None,
+    episodes: Annotated[
+        int | None, typer.Option(help="How many, with seeds SEED, SEED + 1, ...; by default 1.")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the first episode: the field and its luck.")] = 0,
-    scenario: Annotated[str | None, typer.Option(help="By default the paper's protocol.")] = None,
+    scenario: Scenario = None,
+    sets: Sets = None,
+    fields: Fields = None,
     backend: Annotated[str, typer.Option(help="pybullet moves the machine, analytic computes it.")] = "pybullet",
     perception: Annotated[
         str | None, typer.Option(help="perfect, model or camera; by default what suits the backend.")
     ] = None,
+    trust: Trust = False,
     video: Annotated[
         Path | None, typer.Option(metavar="FILE.mp4", help="Film the episodes; a frame takes about 0.1 s.")
     ] = None,
@@ -40,52 +61,51 @@ def main(
 ) -> None:
     """Run episodes of one policy with a line for each decision and a scorecard at the end.
 
+    A policy is a name, FILE.py:NAME, MODULE:NAME, a trained FILE.npz, or a saved FILE.zip (with --trust).
+
     Try:
 
       fieldgym run SafflowerPicking
 
-      fieldgym run fieldgym/SafflowerPicking-v0 --policy grams-per-second --scenario row --backend analytic
+      fieldgym run LaserWeeding --policy ./mine.py:Mine --set process.power_w=150 --backend analytic
 
       fieldgym run SafflowerPicking --perception perfect --video picking.mp4
     """
     from rich.console import Console
 
-    from fieldgym.agents import make_policy, policy_names, reference_policy
+    from fieldgym.agents import reference_policy
     from fieldgym.benchmark.episode import POLICY_SEEDS
-    from fieldgym.envs import task
 
     env_id = environment_id(env)
-    spec = task(env_id)
-    name = chosen(policy or reference_policy(env_id), policy_names(env_id), f"policy for {env_id}")
-    at_least_one(episodes, "--episodes")
-    if seed < 0:
-        raise CommandError(f"--seed {seed}: give 0 or more")
+    source = policy_of(env_id, policy or reference_policy(env_id), trust)
+    seeds = seeds_of(seed, episodes, fields, 1)
     if not speed > 0.0:
         raise CommandError(f"--speed {speed}: give a positive factor, 1 is real time")
-    options: dict[str, Any] = {
-        "scenario": chosen(scenario or spec.headline, spec.scenarios, f"scenario of {env_id}"),
-        "backend": chosen(backend, spec.backends, "backend"),
-        "perception": None if perception is None else chosen(perception, spec.perceptions, "perception"),
-    }
+    condition = condition_of(env_id, scenario, backend, perception, sets or (), fields)
+    options: dict[str, Any] = {"backend": condition.backend, **condition.settings}
+    files = fields_of(condition, seed)
+    instances = [(seed, file) for file in files] or [(each, None) for each in seeds]
     if video is not None:
         _check_video(video)
         options["render_mode"] = "rgb_array"
     console = Console(highlight=False)
     environment = _make(env_id, options)
-    title = f"{env_id}, {options['scenario']}, {backend}: {name}"
-    scorecards = []
+    title = f"{condition.title()}: {source.name}"
+    scorecards = {}
     try:
-        decider = make_policy(name, environment, seed=POLICY_SEEDS + seed)
-        with _filming(environment, video, speed):
-            for number in range(episodes):
+        with told_in_one_line(), _filming(environment, video, speed):
+            decider = source.make(environment, POLICY_SEEDS + seed)
+            for number, file in instances:
+                name = f"seed {number}" if file is None else file.name
                 if not quiet:
-                    console.print(f"\n{title}, seed {seed + number}", style="bold")
+                    console.print(f"\n{title}, {name}", style="bold", markup=False)
                     console.print("step  simulated   reward  decision", style="dim")
-                scorecards.append(_episode(environment, decider, seed + number, None if quiet else console))
+                path = None if file is None else file.path
+                scorecards[name] = _episode(environment, decider, number, path, None if quiet else console)
     finally:
         environment.close()
-    console.print(f"\n{title}", style="bold")
-    _print_scorecards(console, scorecards, seed)
+    console.print(f"\n{title}", style="bold", markup=False)
+    _print_scorecards(console, scorecards)
     if video is not None:
         console.print(f"Video: {video}")
 
@@ -93,29 +113,24 @@ def main(
 def _make(env_id: str, options: dict[str, Any]) -> gym.Env[Any, Any]:
     import gymnasium as gym
 
-    try:
+    with told_in_one_line():
         return gym.make(env_id, disable_env_checker=True, **options)
-    except ValueError as error:
-        raise CommandError(str(error)) from None
 
 
-def _episode(env: gym.Env[Any, Any], policy: Policy, seed: int, console: Console | None) -> dict[str, float]:
+def _episode(
+    env: gym.Env[Any, Any], policy: Policy, seed: int, field: str | None, console: Console | None
+) -> dict[str, float]:
     """Play one episode and return its scorecard."""
-    import numpy as np
+    from fieldgym.agents.rollout import begin, decisions
 
-    from fieldgym.agents import act_single
-
-    observation, info = env.reset(seed=seed)
-    policy.reset(np.ones(1, dtype=bool))
-    over, steps = False, 0
-    while not over:
-        observation, reward, terminated, truncated, info = env.step(act_single(policy, observation))
-        over, steps = terminated or truncated, steps + 1
+    observation, info = begin(env, seed, field)
+    for number, decision in enumerate(decisions(env, policy, observation), start=1):
+        info = decision.info
         if console is not None:
             now_s = float(info["scorecard"]["duration_s"])
             text = getattr(env.unwrapped, "describe_last_decision")()  # noqa: B009  not in gymnasium.Env
             console.print(
-                f"{steps:4d}  {now_s:7.1f} s  {float(reward):+7.3f}  {text}",
+                f"{number:4d}  {now_s:7.1f} s  {decision.reward:+7.3f}  {text}",
                 markup=False,
                 overflow="ellipsis",
                 no_wrap=True,
@@ -156,21 +171,21 @@ def _filming(env: gym.Env[Any, Any], path: Path | None, speed: float) -> Iterato
         temporary.unlink(missing_ok=True)
 
 
-def _print_scorecards(console: Console, scorecards: list[dict[str, float]], seed: int) -> None:
+def _print_scorecards(console: Console, scorecards: dict[str, dict[str, float]]) -> None:
     """A column an episode, or where they are many their mean, spread and extremes."""
     import numpy as np
     from rich import box
     from rich.table import Table
 
     few = len(scorecards) <= MOST_COLUMNS
-    titles = [f"seed {seed + number}" for number in range(len(scorecards))] if few else []
+    titles = list(scorecards) if few else []
     summaries = {"mean": np.mean, "SD": np.std, "least": np.min, "most": np.max}
     summaries = {} if len(scorecards) == 1 else {"mean": np.mean} if few else summaries
     table = Table(box=box.SIMPLE_HEAD)
     for number, title in enumerate(["scorecard", *titles, *summaries]):
         table.add_column(title, justify="right" if number else "left", no_wrap=True)
-    for name in scorecards[0]:
-        values = np.array([scorecard[name] for scorecard in scorecards])
+    for name in next(iter(scorecards.values())):
+        values = np.array([scorecard[name] for scorecard in scorecards.values()])
         finite = values[np.isfinite(values)]
         cells = list(values[: len(titles)])
         cells += [float(summary(finite)) if len(finite) else np.nan for summary in summaries.values()]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fieldgym import agents
+from fieldgym.agents import rollout
 from fieldgym.agents.policies.base import StatelessPolicy
 from fieldgym.benchmark import episode as episodes
 from fieldgym.benchmark.record import TIMINGS, digest, identity, plain, untimed
@@ -124,7 +125,7 @@ def test_an_error_of_a_policy_is_one_line(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_an_endless_episode_is_ended(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(episodes, "MAX_STEPS", 3)
+    monkeypatch.setattr(rollout, "MOST_DECISIONS", 3)
     assert "no end after 3 decisions" in episodes.run_episode(Episode(POTS, "fixed-order", 0))["error"]
 
 

@@ -43,11 +43,17 @@ def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *w
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["run", "SafflowerPiking"], f"Did you mean {ENV}? Choose one of: {ENV}"),
-        (["run", ENV, "--policy", "neares"], "Did you mean nearest? Choose one of: random, fixed-order, nearest,"),
-        (["run", ENV, "--scenario", "pods"], "Did you mean pots?"),
-        (["run", ENV, "--backend", "bullet"], "Did you mean pybullet? Choose one of: pybullet, analytic"),
-        (["run", ENV, "--perception", "eyes"], "no perception is called 'eyes'. Choose one of: perfect, model, camera"),
+        (["run", "SafflowerPiking"], f"did you mean {ENV!r}? choose one of {ENV!r}"),
+        (
+            ["run", ENV, "--policy", "neares"],
+            "did you mean 'nearest'? choose one of 'random', 'fixed-order', 'nearest',",
+        ),
+        (["run", ENV, "--scenario", "pods"], "did you mean 'pots'?"),
+        (["run", ENV, "--backend", "bullet"], "did you mean 'pybullet'? choose one of 'pybullet', 'analytic'"),
+        (
+            ["run", ENV, "--perception", "eyes"],
+            "no perception is called 'eyes': choose one of 'perfect', 'model', 'camera'",
+        ),
         (["run", ENV, "--episodes", "0"], "--episodes 0: give at least 1"),
         (["run", ENV, "--seed", "-1"], "--seed -1: give 0 or more"),
         (["run", ENV, "--video", "film.gif"], "name a file that ends in .mp4"),
@@ -57,12 +63,12 @@ def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *w
         (["benchmark", "--siute", "full"], "No such option: --siute"),
         (["benchmark", "--suite", "fast"], "no suite is called 'fast'"),
         (["benchmark", "--env", "Safflower"], "no environment is called 'Safflower'"),
-        (["benchmark", "--policies", "nearest,furthest"], "no policy for"),
+        (["benchmark", "--policies", "nearest,furthest"], "policy 'furthest' is unknown for fieldgym/"),
         (["benchmark", "--policies", ","], "--policies names none"),
         (["benchmark", "--episodes", "-3"], "--episodes -3: give at least 1"),
         (["benchmark", "--episodes", "many"], "Invalid value for '--episodes'"),
         (["benchmark", "--jobs", "0"], "--jobs 0: give at least 1"),
-        (["benchmark", "--backend", "analytical"], "Did you mean analytic?"),
+        (["benchmark", "--backend", "analytical"], "did you mean 'analytic'?"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
@@ -93,7 +99,7 @@ def test_an_environment_may_be_named_shortly():
 
 
 def test_choices_are_listed():
-    with pytest.raises(CommandError, match=r"no colour is called 'x'\. Choose one of: red, blue"):
+    with pytest.raises(CommandError, match="no colour is called 'x': choose one of 'red', 'blue'"):
         chosen("x", ("red", "blue"), "colour")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..record import Record
+from ..record import Record, field_of
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Timeline:
 
     Attributes:
         policy: who decided.
-        seed: of the environment.
+        field: name of its file, else its seed.
         began_s: seconds that had passed before the first decision.
         phases: names, in the order in which a decision passes through them.
         seconds: (n, phases) of every decision.
@@ -60,7 +60,7 @@ class Timeline:
     """
 
     policy: str
-    seed: int
+    field: int | str
     began_s: float
     phases: tuple[str, ...]
     seconds: Array
@@ -97,19 +97,19 @@ def mean_curve(records: Sequence[Record]) -> Curve | None:
 
 
 def chosen_timelines(by_policy: Mapping[str, Sequence[Record]]) -> dict[str, Timeline]:
-    """Of every policy the timeline of the seed that most policies have one of."""
-    found: dict[str, dict[int, Timeline]] = {}
+    """Of every policy the timeline of the field that most policies have one of."""
+    found: dict[str, dict[int | str, Timeline]] = {}
     for policy, records in by_policy.items():
-        read = (parse_timeline(policy, int(record["seed"]), record.get("timeline")) for record in records)
-        found[policy] = {timeline.seed: timeline for timeline in read if timeline is not None}
-    seeds = sorted({seed for own in found.values() for seed in own})
-    if not seeds:
+        read = (parse_timeline(policy, field_of(record), record.get("timeline")) for record in records)
+        found[policy] = {timeline.field: timeline for timeline in read if timeline is not None}
+    fields = sorted({field for own in found.values() for field in own})
+    if not fields:
         return {}
-    best = max(seeds, key=lambda seed: (sum(seed in own for own in found.values()), -seed))
+    best = max(fields, key=lambda field: sum(field in own for own in found.values()))  # of equal ones the first
     return {policy: own[best] for policy, own in found.items() if best in own}
 
 
-def parse_timeline(policy: str, seed: int, value: Any) -> Timeline | None:
+def parse_timeline(policy: str, field: int | str, value: Any) -> Timeline | None:
     """A timeline out of a record; None when it is missing, empty or of another make."""
     if not isinstance(value, Mapping):
         return None
@@ -124,7 +124,7 @@ def parse_timeline(policy: str, seed: int, value: Any) -> Timeline | None:
     if not len(seconds) or seconds.sum() <= 0.0:
         return None
     words = words if len(words) == len(seconds) else ()
-    return Timeline(policy, seed, began_s, phases, seconds, net_rate, done, damaged, words)
+    return Timeline(policy, field, began_s, phases, seconds, net_rate, done, damaged, words)
 
 
 def _column(values: Sequence[float] | None, n: int) -> Array:

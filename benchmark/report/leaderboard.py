@@ -56,7 +56,7 @@ def _chapter(item: Chapter) -> list[str]:
     return [
         f"## {sections.name_of(item.task.id)}",
         "",
-        f"`{item.task.id}`, {sections.words(tier.condition)}, {len(tier.seeds)} seeds.",
+        f"`{item.task.id}`, {sections.words(tier.condition)}, {len(tier.seeds)} {tier.condition.instances}s.",
         "",
         "| | policy | " + " | ".join(column.title for column in shown) + " |",
         "|--:|---" + "|--:" * len(shown) + "|",

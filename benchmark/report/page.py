@@ -122,7 +122,7 @@ def _glance_line(item: Chapter, styles: Mapping[str, Style]) -> Markup:
     row = sections.best(tier)
     cells = [grids.cell(column, row) for _, columns in grids.TABLE[:2] for column in columns]
     name = tag("a", sections.name_of(item.task.id), href=f"#{sections.anchor(item.task.id)}")
-    where = tag("small", f"{tier.condition.scenario}, {_count(len(tier.seeds), 'seed')}")
+    where = tag("small", f"{tier.condition.scenario}, {_count(len(tier.seeds), tier.condition.instances)}")
     phone = tag("small", row.policy, _class="phone")
     policy = tag("td", grids.swatch(styles[row.policy]), row.policy, _class="words")
     return tag("tr", tag("th", name, where, phone, scope="row"), policy, cells)
@@ -169,10 +169,11 @@ def stamp(study: Study, command: str) -> list[tuple[str, str]]:
     """Version, seeds, machine, date and commands, each with its name; what is unknown is left out."""
     manifest = study.manifest
     packages: Any = manifest.get("packages") or {}
-    seeds = [seed for item in study.chapters for tier in (item.headline, *item.others) for seed in tier.seeds]
+    tiers = [tier for item in study.chapters for tier in (item.headline, *item.others)]
+    drawn = [(tier.seeds[0], tier.seeds[-1]) for tier in tiers if not tier.condition.fields]
     said = [
         ("Version", f"fieldgym {manifest.get('fieldgym', 'unknown')}, source {manifest.get('source', 'unknown')}"),
-        ("Seeds", f"{min(seeds)} to {max(seeds)}"),
+        ("Seeds", f"{min(low for low, _ in drawn)} to {max(high for _, high in drawn)}" if drawn else ""),
         ("Machine", str(manifest.get("machine", ""))),
         ("Run", str(manifest.get("started", "")).replace("T", " ")),
         ("Python", str(manifest.get("python", ""))),

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...agents import policy_names, reference_policy
-from ...envs import env_ids, task
+from ...envs import task, tasks
 from ...envs.task import TaskSpec
 from ..limits import CURVE_SHARES, limits
-from ..record import Record, condition
+from ..record import Record, condition, field_of
 from ..statistics import Difference, mean, paired_difference
 from ..store import BOUNDS, EPISODES, MANIFEST, ResultsError, read
 from ..suites import BOUND, Case, Condition
@@ -24,8 +24,8 @@ from ..summary import Row, summarise
 from .episodes import Curve, Timeline, chosen_timelines, mean_curve
 
 Array = NDArray[np.float64]
-Seeded = Mapping[int, float]
-"""A score of every episode by seed; NaN where there is none."""
+Seeded = Mapping[Any, float]
+"""A score of every episode by its field (a file's name, else the seed); NaN where there is none."""
 
 COMPARED = ("net_rate", "cycle_time_s", "return")
 """Scores that are compared between backends."""
@@ -58,8 +58,8 @@ class Tier:
         rows: as ``summary.summarise`` gives them, the bound's left out.
         bound: the bound's row, None without.
         bound_words: how it was found, None without.
-        seeds: of the episodes.
-        values: of ``COMPARED`` by policy, score and seed.
+        seeds: of the episodes; names of files where fields were played.
+        values: of ``COMPARED`` by policy, score and field.
         curves: net rate against time, by policy.
         timelines: one episode a policy, all of the same seed.
     """
@@ -68,7 +68,7 @@ class Tier:
     rows: tuple[Row, ...]
     bound: Row | None
     bound_words: BoundWords | None
-    seeds: tuple[int, ...]
+    seeds: tuple[int | str, ...]
     values: Mapping[str, Mapping[str, Seeded]]
     curves: Mapping[str, Curve]
     timelines: Mapping[str, Timeline]
@@ -155,7 +155,7 @@ def load(folder: Path) -> Study:
         ) from None
     groups: dict[Condition, list[Record]] = {}
     for record in found:
-        if "error" not in record and record["env_id"] in env_ids():
+        if "error" not in record and _task(record["env_id"]) is not None:
             groups.setdefault(condition(record), []).append(record)
     if not groups:
         raise ResultsError(f"{folder / EPISODES} holds no finished episode: go on with fieldgym benchmark --resume")
@@ -165,11 +165,19 @@ def load(folder: Path) -> Study:
         rows.setdefault(row.condition, []).append(row)
     tiers = {group: _tier(group, members, rows[group], bounds) for group, members in groups.items()}
     chapters = []
-    for env_id in env_ids():
-        own = [tier for group, tier in tiers.items() if group.env_id == env_id]
+    for spec in tasks():
+        own = [tier for group, tier in tiers.items() if _task(group.env_id) == spec]
         if own:
-            chapters.append(_chapter(task(env_id), own))
+            chapters.append(_chapter(spec, own))
     return Study(_manifest(folder), tuple(chapters))
+
+
+def _task(env_id: str) -> TaskSpec | None:
+    """The task of an id; None where it is not installed here."""
+    try:
+        return task(env_id)
+    except ValueError:
+        return None
 
 
 def _manifest(folder: Path) -> Mapping[str, Any]:
@@ -184,8 +192,7 @@ def _case(group: Condition, members: Sequence[Record]) -> Case:
     known = policy_names(group.env_id)
     there = {record["policy"] for record in members}
     policies = [name for name in known if name in there] + sorted(there.difference(known))
-    seeds = tuple(sorted({int(record["seed"]) for record in members}))
-    return Case(group, tuple(policies), reference_policy(group.env_id), seeds)
+    return Case(group, tuple(policies), reference_policy(group.env_id), ())
 
 
 def _chapter(task: TaskSpec, tiers: Sequence[Tier]) -> Chapter:
@@ -211,7 +218,7 @@ def _tier(group: Condition, members: Sequence[Record], rows: Sequence[Row], boun
     for record in members:
         by_policy[record["policy"]].append(record)
     values = {
-        name: {score: {int(record["seed"]): _score(record, score) for record in own} for score in COMPARED}
+        name: {score: {field_of(record): _score(record, score) for record in own} for score in COMPARED}
         for name, own in by_policy.items()
     }
     curves = {name: mean_curve(own) for name, own in by_policy.items()}
@@ -220,7 +227,7 @@ def _tier(group: Condition, members: Sequence[Record], rows: Sequence[Row], boun
         rows=tuple(policies),
         bound=next((row for row in rows if row.policy == BOUND), None),
         bound_words=_bound_words([record for record in bounds if "error" not in record and condition(record) == group]),
-        seeds=tuple(sorted({int(record["seed"]) for record in members})),
+        seeds=tuple(sorted({field_of(record) for record in members})),
         values=values,
         curves={name: curve for name, curve in curves.items() if curve is not None},
         timelines=chosen_timelines(by_policy),

@@ -23,7 +23,7 @@ DOUBTS = {"": "", "few": " (too few pairs to tell)", "n.s.": " (not significant)
 
 def name_of(env_id: str) -> str:
     """An environment's name as words: ``fieldgym/LaserWeeding-v0`` is Laser weeding."""
-    bare = env_id.removeprefix("fieldgym/").rsplit("-v", 1)[0]
+    bare = env_id.rpartition("/")[2].rsplit("-v", 1)[0]
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", bare).capitalize()
 
 
@@ -90,14 +90,19 @@ def chapter(item: Chapter, styles: dict[str, Style]) -> Markup:
 def words(condition: Condition) -> str:
     """A condition in a line, without the environment."""
     backend = "PyBullet" if condition.backend == "pybullet" else condition.backend
-    return f"{condition.scenario} · {backend} backend · {condition.perception} perception"
+    return " · ".join(
+        (condition.scenario, f"{backend} backend", f"{condition.perception} perception", *condition.specials())
+    )
 
 
 def _episodes(tier: Tier) -> str:
-    first, last = min(tier.seeds), max(tier.seeds)
+    first, last = tier.seeds[0], tier.seeds[-1]
     fewest = min(row.episodes for row in tier.rows)
     count = f"{len(tier.seeds)}" if fewest == len(tier.seeds) else f"{fewest} to {len(tier.seeds)}"
-    return f"{count} paired episodes a policy, " + (f"seeds {first} to {last}" if last > first else f"seed {first}")
+    what = tier.condition.instances
+    return f"{count} paired episodes a policy, " + (
+        f"{what}s {first} to {last}" if first != last else f"{what} {first}"
+    )
 
 
 def _charged(tier: Tier) -> list[str]:
@@ -242,13 +247,16 @@ def _episode(tier: Tier) -> Markup:
     overview = gantt.episode(tier)
     if not overview:
         return EMPTY
-    seed = next(iter(tier.timelines.values())).seed
+    field = next(iter(tier.timelines.values())).field
     return tag(
         "figure",
         tag(
             "figcaption",
             tag("b", "One episode, second by second"),
-            tag("span", f"The same field for every policy, seed {seed}: what the machine did from start to end."),
+            tag(
+                "span",
+                f"The same for every policy, {tier.condition.instances} {field}: what the machine did, start to end.",
+            ),
         ),
         gantt.legend(gantt.phases_of(tier)),
         overview,
