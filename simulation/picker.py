@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from .client import PhysicsClient
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
 from .hose import Hose
 from .machine import LoopMachine, urdf_file
+from .motion_report import Maxima, MotionReport
 from .picker_model import HOSE_INLET_M, HOSE_RADIUS_M, PICKER_ASSET, PickerParameters, hose_outlet_m, picker_robot
 
 Array = NDArray[np.float64]
@@ -26,40 +27,20 @@ _HOSE_EVERY = 8
 
 
 @dataclass(frozen=True)
-class MotionReport:
-    """What a motion did. Unless it was measured, the maxima know the state after its last step only.
+class PickerReport(MotionReport):
+    """What a motion of the picker did.
 
-    Attributes:
-        duration_s: simulated time.
+    Attributes as ``MotionReport``, and:
         final_tool_m: tool centre in the world, (3,).
-        final_error_m: distance of the tool centre from its command at the end.
         cart_error_m: largest distance of the tool centre from its command along the row.
         arm_error_m: largest distance of the tool centre from its command in the arm's plane.
-        closure_error_m: largest gap in a closed loop.
         peak_effort: largest magnitudes that the motors (cart, arm1, arm2) applied: N, N m, N m; (3,).
-        saturated: which motors were at their limits, (3,) bool.
-        measured: whether every step was looked at.
     """
 
-    duration_s: float
     final_tool_m: Array
-    final_error_m: float
     cart_error_m: float
     arm_error_m: float
-    closure_error_m: float
     peak_effort: Array
-    saturated: NDArray[np.bool_]
-    measured: bool
-
-
-@dataclass
-class _Record:
-    """Running maxima over the states that were looked at."""
-
-    cart_m: float = 0.0
-    arm_m: float = 0.0
-    closure_m: float = 0.0
-    effort: Array = field(default_factory=lambda: np.zeros(len(MOTORS)))
 
 
 class PickerMachine(LoopMachine):
@@ -127,7 +108,7 @@ class PickerMachine(LoopMachine):
         on_step: Callable[[int], None] | None = None,
         *,
         measure: bool = False,
-    ) -> MotionReport:
+    ) -> PickerReport:
         """Drive the machine along a trajectory that is sampled at ``physics_hz`` and starts where it stands.
 
         Args:
@@ -144,12 +125,12 @@ class PickerMachine(LoopMachine):
         targets = self._joints(carts, tools)[:, _DRIVEN]
         wanted = self._to_world(carts, tools)
         self._require_start(float(np.linalg.norm(wanted[0] - self.tool_world())))
-        record = _Record()
+        seen = Maxima(self._machine, 2, len(MOTORS))
         last = len(carts) - 1
 
         def watch(row: int) -> None:
             if measure:
-                self._look(record, wanted[row])
+                self._look(seen, wanted[row])
             if self._hose is not None and row % _HOSE_EVERY == 0:
                 self._lay_hose(float(carts[row]))
             if on_step is not None:
@@ -157,17 +138,17 @@ class PickerMachine(LoopMachine):
 
         self._machine.follow(targets, watch if measure or self._hose is not None else on_step)
         if not measure or last == 0:
-            self._look(record, wanted[last])
+            self._look(seen, wanted[last])
         tool_m = self.tool_world()
-        return MotionReport(
+        return PickerReport(
             duration_s=last * self.client.step_s,
             final_tool_m=tool_m,
             final_error_m=float(np.linalg.norm(tool_m - wanted[last])),
-            cart_error_m=record.cart_m,
-            arm_error_m=record.arm_m,
-            closure_error_m=record.closure_m,
-            peak_effort=record.effort,
-            saturated=self._machine.saturated(record.effort),
+            cart_error_m=float(seen.errors[0]),
+            arm_error_m=float(seen.errors[1]),
+            closure_error_m=seen.closure_m,
+            peak_effort=seen.effort,
+            saturated=self._machine.saturated(seen.effort),
             measured=measure,
         )
 
@@ -216,12 +197,9 @@ class PickerMachine(LoopMachine):
         y = tools[:, 0] - 0.5 * self.parameters.five_bar.base_m
         return np.stack([carts, y, self.parameters.motor_height_m + tools[:, 1]], axis=-1)
 
-    def _look(self, record: _Record, wanted: Array) -> None:
+    def _look(self, seen: Maxima, wanted: Array) -> None:
         error = self.tool_world() - wanted
-        record.cart_m = max(record.cart_m, abs(float(error[0])))
-        record.arm_m = max(record.arm_m, float(np.hypot(error[1], error[2])))
-        record.closure_m = max(record.closure_m, self._machine.closure_error_m())
-        np.maximum(record.effort, np.abs(self._machine.motor_efforts()), out=record.effort)
+        seen.look(abs(float(error[0])), float(np.hypot(error[1], error[2])))
 
 
 def fastest_gate(parameters: PickerParameters) -> tuple[Array, Array]:
@@ -242,7 +220,7 @@ def fastest_gate(parameters: PickerParameters) -> tuple[Array, Array]:
     return cart.sample(time).position[:, 0], tool.sample(time).position
 
 
-def measure_tracking(parameters: PickerParameters | None = None) -> MotionReport:
+def measure_tracking(parameters: PickerParameters | None = None) -> PickerReport:
     """Tracking, closure and motor efforts over the whole of the fastest gate."""
     chosen = parameters or PickerParameters()
     cart, tool = fastest_gate(chosen)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from .assets import asset_path
 from .client import PhysicsClient, pybullet
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
 from .machine import START_TOLERANCE_M, LoopMachine
+from .motion_report import Maxima, MotionReport
 from .prrs_model import PrrsParameters
 from .sorter_limits import first_violation
 
@@ -33,42 +34,22 @@ START_TOLERANCE_RAD = 0.03
 
 
 @dataclass(frozen=True)
-class PrrsMotionReport:
-    """What a motion did. Unless it was measured, the maxima know the state after its last step only.
+class PrrsReport(MotionReport):
+    """What a motion of a 3-PRRS did.
 
-    Attributes:
-        duration_s: simulated time.
+    Attributes as ``MotionReport``, and:
         final_position_m: platform's centre in mechanism coordinates, (3,).
         final_quaternion: (w, x, y, z), (4,).
-        final_error_m: distance of the platform's centre from its command at the end.
         position_error_m: largest distance of the platform's centre from its command.
         angle_error_rad: largest angle between the platform and its command.
-        closure_error_m: largest gap in a closed loop.
         peak_effort: largest magnitudes that the motors applied: 3 forces in N, 3 torques in N m; (6,).
-        saturated: which motors were at their limits, (6,) bool.
-        measured: whether every step was looked at.
     """
 
-    duration_s: float
     final_position_m: Array
     final_quaternion: Array
-    final_error_m: float
     position_error_m: float
     angle_error_rad: float
-    closure_error_m: float
     peak_effort: Array
-    saturated: NDArray[np.bool_]
-    measured: bool
-
-
-@dataclass
-class _Record:
-    """Running maxima over the states that were looked at."""
-
-    position_m: float = 0.0
-    angle_rad: float = 0.0
-    closure_m: float = 0.0
-    effort: Array = field(default_factory=lambda: np.zeros(len(MOTORS)))
 
 
 class PrrsMachine(LoopMachine):
@@ -140,7 +121,7 @@ class PrrsMachine(LoopMachine):
 
     def run(
         self, pose: ArrayLike, on_step: Callable[[int], None] | None = None, *, measure: bool = False
-    ) -> PrrsMotionReport:
+    ) -> PrrsReport:
         """Drive the machine along poses that are sampled at ``physics_hz`` and start where it stands.
 
         Args:
@@ -167,28 +148,28 @@ class PrrsMachine(LoopMachine):
                 "start at the last commanded pose, call reset(), or give stronger motors if the last motion's report "
                 "says that they were saturated"
             )
-        record, last = _Record(), len(poses) - 1
+        seen, last = Maxima(self._machine, 2, len(MOTORS)), len(poses) - 1
 
         def watch(row: int) -> None:
             if measure:
-                self._look(record, poses[row, :3], quaternions[row])
+                self._look(seen, poses[row, :3], quaternions[row])
             if on_step is not None:
                 on_step(row)
 
         self._machine.follow(targets, watch if measure else on_step)
         if not measure or last == 0:
-            self._look(record, poses[last, :3], quaternions[last])
+            self._look(seen, poses[last, :3], quaternions[last])
         position, quaternion = self.platform()
-        return PrrsMotionReport(
+        return PrrsReport(
             duration_s=last * self.client.step_s,
             final_position_m=position,
             final_quaternion=quaternion,
             final_error_m=float(np.linalg.norm(position - poses[last, :3])),
-            position_error_m=record.position_m,
-            angle_error_rad=record.angle_rad,
-            closure_error_m=record.closure_m,
-            peak_effort=record.effort,
-            saturated=self._machine.saturated(record.effort),
+            position_error_m=float(seen.errors[0]),
+            angle_error_rad=float(seen.errors[1]),
+            closure_error_m=seen.closure_m,
+            peak_effort=seen.effort,
+            saturated=self._machine.saturated(seen.effort),
             measured=measure,
         )
 
@@ -227,12 +208,9 @@ class PrrsMachine(LoopMachine):
         self._machine.reset(joints[self._order], {"platform": base})
         return joints
 
-    def _look(self, record: _Record, position: Array, quaternion: Array) -> None:
+    def _look(self, seen: Maxima, position: Array, quaternion: Array) -> None:
         at, turned = self.platform()
-        record.position_m = max(record.position_m, float(np.linalg.norm(at - position)))
-        record.angle_rad = max(record.angle_rad, float(angle_between(turned, quaternion)))
-        record.closure_m = max(record.closure_m, self._machine.closure_error_m())
-        np.maximum(record.effort, np.abs(self._machine.motor_efforts()), out=record.effort)
+        seen.look(float(np.linalg.norm(at - position)), float(angle_between(turned, quaternion)))
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from ..motion import Gate
 from .client import PhysicsClient, pybullet
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
 from .machine import LoopMachine, urdf_file
+from .motion_report import MotionReport
 from .transplanter_model import (
     FINGER_STROKE_M,
     LOOKS_ASSET,
@@ -34,28 +35,18 @@ _SOLVER_ITERATIONS = 12
 
 
 @dataclass(frozen=True)
-class GateReport:
-    """What a motion did. Unless it was measured, the maxima know the state after its last step only.
+class GateReport(MotionReport):
+    """What a motion of the transplanter did.
 
-    Attributes:
-        duration_s: simulated time.
+    Attributes as ``MotionReport``, and:
         final_tool_m: tool (x, y) in the mechanism's plane, (2,).
-        final_error_m: distance of the tool from its command at the end.
         tracking_error_m: largest distance of the tool from its command.
-        closure_error_m: largest gap in a closed loop.
         torque_n_m: torques that the motors applied, (steps, 2) when measured, else (1, 2).
-        saturated: which motors were at their limits, (2,) bool.
-        measured: whether every step was looked at.
     """
 
-    duration_s: float
     final_tool_m: Array
-    final_error_m: float
     tracking_error_m: float
-    closure_error_m: float
     torque_n_m: Array
-    saturated: NDArray[np.bool_]
-    measured: bool
 
 
 class TransplanterMachine(LoopMachine):

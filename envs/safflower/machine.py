@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...motion import QUINTIC
+from ...simulation.motion_report import Rest
 from ...simulation.picker_model import PickerParameters
 from ..core import Array, Rows
 from .config import SafflowerConfig
@@ -14,11 +15,8 @@ from .core import PickerOutcome, SafflowerCore
 from .state import PickerPlan
 from .timing import DRIVE, NOTHING, P
 
-_REST_TOLERANCE_M = 5e-4
-"""The motion is over when the tool is this close to where it was sent; its weight alone bends it by up to 0.25 mm."""
-_REST_LIMIT_S = 0.5
-"""Longest wait for that; what is left then is the error that the cut sees."""
-_WAIT_S = 0.025
+_REST = Rest(tolerance_m=5e-4, limit_s=0.5, wait_s=0.025)
+"""The tool's weight alone bends it by up to 0.25 mm."""
 
 
 class PyBulletPicker:
@@ -53,10 +51,9 @@ class PyBulletPicker:
         cart, tool, nominal_s = trajectory(plan, self._core.config.machine.clear_level_m, self._dt)
         report = self._machine.run(cart, tool)
         moved_s = report.duration_s
-        hold = np.full(round(_WAIT_S / self._dt) + 1, cart[-1]), np.repeat(tool[-1:], round(_WAIT_S / self._dt) + 1, 0)
-        while report.final_error_m > _REST_TOLERANCE_M and moved_s < nominal_s + _REST_LIMIT_S:
-            report = self._machine.run(*hold)
-            moved_s += report.duration_s
+        steps = _REST.steps(self._dt)
+        still = np.full(steps, cart[-1]), np.repeat(tool[-1:], steps, 0)
+        report, moved_s = _REST.wait(report, moved_s, nominal_s, lambda: self._machine.run(*still))
         phases[0, P.drive if kind == DRIVE else P.travel] += moved_s - nominal_s
         x, y, z = report.final_tool_m
         parameters = self._machine.parameters

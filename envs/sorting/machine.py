@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ...motion.orientation import axes
+from ...simulation.motion_report import Rest
 from ...simulation.sorter import SorterMachine
 from ..core import Array, Rows
 from .core import SorterOutcome, SortingCore
 from .motions import PickMotion, Way
 from .state import CARRY, PICK, SorterPlan
 
-_REST_TOLERANCE_M = 5e-4
-"""The motion is over when the platform is this close to where it was sent."""
-_REST_LIMIT_S = 0.5
-"""Longest wait for that."""
-_WAIT_S = 0.025
+_REST = Rest(tolerance_m=5e-4, limit_s=0.5, wait_s=0.025)
 
 
 class PyBulletSorter:
@@ -72,12 +69,8 @@ class PyBulletSorter:
         end_s = motion.duration_s(held)
         last = int(np.ceil(end_s / self._dt))
         report = self._machine.run(self._poses(motion, closing, last, held))
-        moved_s = last * self._dt
-        hold = np.repeat(self._poses(motion, last, last, held), round(_WAIT_S / self._dt) + 1, axis=0)
-        while report.final_error_m > _REST_TOLERANCE_M and moved_s < end_s + _REST_LIMIT_S:
-            report = self._machine.run(hold)
-            moved_s += report.duration_s
-        return moved_s
+        still = np.repeat(self._poses(motion, last, last, held), _REST.steps(self._dt), axis=0)
+        return _REST.wait(report, last * self._dt, end_s, lambda: self._machine.run(still))[1]
 
     def _poses(self, motion: PickMotion, first: int, last: int, held: bool) -> Array:
         return motion.sample(np.arange(first, last + 1, dtype=np.float64) * self._dt, held).poses()

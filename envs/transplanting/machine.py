@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...motion import PathMotion, StoppedPath
+from ...simulation.motion_report import Rest
 from ...simulation.transplanter import GateReport, TransplanterMachine
 from ...simulation.transplanter_model import TransplanterParameters
 from ..core import Array, Rows
@@ -15,11 +16,7 @@ from .core import TransplantingCore, TransplantOutcome
 from .motions import Motions, gate_motion
 from .rules import INDEX_SOURCE, NOTHING, TransplantPlan
 
-_REST_TOLERANCE_M = 5e-4
-"""A gate is over when the tool is this close to where it was sent."""
-_REST_LIMIT_S = 0.3
-"""Longest wait for that; what is left then is the error that gripping and releasing see."""
-_WAIT_S = 0.010
+_REST = Rest(tolerance_m=5e-4, limit_s=0.3, wait_s=0.010)
 
 EMPTY_HANDED = 3
 """Index of the empty gripper's limit behind the three speeds."""
@@ -119,11 +116,8 @@ class PyBulletTransplanter:
         """Simulated and nominal seconds of a move, and the tool's distance from its end."""
         positions, nominal_s = self._trajectories.samples(move, self._machine.client.step_s)
         report: GateReport = self._machine.run(positions)
-        moved_s = report.duration_s
-        steps = round(_WAIT_S / self._machine.client.step_s)
-        while report.final_error_m > _REST_TOLERANCE_M and moved_s < nominal_s + _REST_LIMIT_S:
-            report = self._machine.run(np.repeat(positions[-1:], steps + 1, axis=0))
-            moved_s += report.duration_s
+        still = np.repeat(positions[-1:], _REST.steps(self._machine.client.step_s), axis=0)
+        report, moved_s = _REST.wait(report, report.duration_s, nominal_s, lambda: self._machine.run(still))
         return moved_s, nominal_s, report.final_error_m
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from .....motion import QUINTIC
 from .....simulation.hoe import HoeMachine
 from .....simulation.hoe_model import HoeParameters
-from .....simulation.prrs import PrrsMotionReport
+from .....simulation.prrs import PrrsReport
 from ....core import Array, Rows
 from ...core import WeederOutcome, WeedingCore
 from ...state import WAIT, V, WeederPlan
@@ -33,7 +33,7 @@ class PyBulletHoe:
         self._core, self._hoe = core, config.process
         self._machine = HoeMachine(hoe_parameters(config))
         self._dt = 1.0 / self._machine.parameters.physics_hz
-        self.last_report: PrrsMotionReport | None = None
+        self.last_report: PrrsReport | None = None
 
     def reset_rows(self, rows: Rows) -> None:
         """Put the machine where the rules say it stands, its blade up."""
