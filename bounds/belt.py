@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envs.compiled import compiled, shortest
+from ..envs.compiled import compiled
+from ..envs.sorting.timing import GUESS_S, Paces, approach_s, carry_s, stroke_s, way_s
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -59,58 +60,44 @@ class Belt(NamedTuple):
     """The machine over the belt.
 
     Attributes:
-        speed_m_s: of the belt.
-        paces: (2,), seconds a metre and seconds squared a metre of a motion at its limits.
+        paces: what times depend on.
         places: (bins + 1, 2), x and y of the bins, then where the machine stands in the beginning.
-        release_s: letting go.
         limit_s: no decision begins at or after this.
     """
 
-    speed_m_s: float
-    paces: Array
+    paces: Paces
     places: Array
-    release_s: float
     limit_s: float
-
-
-@compiled
-def move_s(belt: Belt, along_m: float, across_m: float, slack_m: float, least_s: float) -> float:
-    """Seconds of a horizontal motion."""
-    way = max(math.sqrt(along_m * along_m + across_m * across_m) - slack_m, 0.0)
-    return max(shortest(way, belt.paces[0], belt.paces[1]), least_s)
 
 
 @compiled
 def finish_s(belt: Belt, stream: Stream, j: int, to: int, place: int, time_s: float) -> float:
     """When thing ``j`` lies in bin ``to`` if it is decided for at ``time_s``; infinite where that is too late."""
-    v, slack = belt.speed_m_s, stream.slack_m
+    paces, slack, least = belt.paces, stream.slack_m, stream.least_s[j]
+    v, pace, square_pace = paces.speed_m_s, paces.pace, paces.square_pace
     x, y = belt.places[place, 0], belt.places[place, 1]
     start_s = max(time_s, stream.known_s[j])
-    x_now = (start_s - stream.passing_s[j]) * v
-    across, least = stream.across_m[j] - y, stream.least_s[j]
-    # As the rules do it: two rounds of a fixed point, begun at the same guess.
-    approach = least + 0.15
-    for _ in range(2):
-        follow = v * approach
-        ahead = max(x_now - x + follow, stream.first_m[j] - x)
-        approach = move_s(belt, ahead - 0.5 * follow, across, slack, least)
-    meet = max(x_now + v * approach, stream.first_m[j])
+    now = (start_s - stream.passing_s[j]) * v
+    across, first = stream.across_m[j] - y, stream.first_m[j] - x
+    approach = approach_s(v, now - x, first, 0.0, across * across, slack, pace, square_pace, least, GUESS_S)
+    meet = max(now + v * approach, stream.first_m[j])
     if meet > stream.last_m[j] or start_s >= belt.limit_s:
         return np.inf
-    wait = max((meet - x_now) / v - approach, 0.0)
-    bin_x, bin_y = belt.places[to, 0], belt.places[to, 1]
-    way, aside = bin_x - meet - v * stream.hold_s[j], bin_y - stream.across_m[j]
-    carry = max(shortest(math.sqrt(bin_x * bin_x + aside * aside), belt.paces[0], belt.paces[1]), least)
-    for _ in range(2):
-        carry = move_s(belt, way - 0.5 * v * carry, aside, slack, least)
-    return start_s + wait + approach + stream.hold_s[j] + carry + belt.release_s
+    wait = max((meet - now) / v - approach, 0.0)
+    bin_x, aside = belt.places[to, 0], belt.places[to, 1] - stream.across_m[j]
+    way, guess = (
+        bin_x - meet - v * stream.hold_s[j],
+        stroke_s(math.sqrt(bin_x * bin_x + aside * aside), pace, square_pace),
+    )
+    carry = carry_s(v, way, aside * aside, slack, pace, square_pace, least, max(guess, least))
+    return start_s + wait + approach + stream.hold_s[j] + carry + paces.release_s
 
 
 def decided_late(belt: Belt, stream: Stream) -> Stream:
     """The same stream with decisions put off while the machine would only wait for the thing anyway."""
     widest = np.abs(belt.places).max(axis=0).sum() + np.abs(stream.across_m) + np.abs(stream.first_m) + stream.slack_m
-    slowest_s = np.maximum(belt.paces[0] * widest, np.sqrt(belt.paces[1] * widest))
-    enters_s = stream.passing_s + stream.first_m / belt.speed_m_s
+    slowest_s = np.maximum(belt.paces.pace * widest, np.sqrt(belt.paces.square_pace * widest))
+    enters_s = stream.passing_s + stream.first_m / belt.paces.speed_m_s
     return stream._replace(known_s=np.maximum(stream.known_s, enters_s - np.maximum(slowest_s, stream.least_s)))
 
 
@@ -132,12 +119,12 @@ def best_picks(belt: Belt, stream: Stream, most: int) -> tuple[float, Array, NDA
     earliest[0] = 0.0
     deadline = np.empty(n)
     for j in range(n):
-        deadline[j] = stream.passing_s[j] + stream.last_m[j] / belt.speed_m_s
+        deadline[j] = stream.passing_s[j] + stream.last_m[j] / belt.paces.speed_m_s
     between = np.zeros((len(belt.places), len(belt.places)))
     for a in range(len(belt.places)):
         for b in range(len(belt.places)):
             along, across = belt.places[a, 0] - belt.places[b, 0], belt.places[a, 1] - belt.places[b, 1]
-            between[a, b] = move_s(belt, along, across, 0.0, 0.0)
+            between[a, b] = way_s(along, across * across, 0.0, belt.paces.pace, belt.paces.square_pace, 0.0)
     # Settled labels: when, where, from which thing on, which of those picked, worth, picks.
     time = np.empty(most)
     place = np.empty(most, np.int64)
@@ -202,13 +189,13 @@ def expand(belt: Belt, stream: Stream, tick_s: float) -> tuple[Numbers, Indices,
     n, places = len(stream.gain), len(belt.places)
     last = 0.0
     for j in range(n):
-        last = max(last, stream.passing_s[j] + stream.last_m[j] / belt.speed_m_s)
+        last = max(last, stream.passing_s[j] + stream.last_m[j] / belt.paces.speed_m_s)
     ticks = int(last / tick_s) + 2
     nodes, bins = ticks * places, places - 1
     first, wait, end_s = np.zeros(nodes + 1, np.int64), np.empty(nodes, np.int64), np.empty(nodes)
     room = 0
     for j in range(n):
-        deadline = stream.passing_s[j] + stream.last_m[j] / belt.speed_m_s
+        deadline = stream.passing_s[j] + stream.last_m[j] / belt.paces.speed_m_s
         room += bins * places * (int((deadline - max(stream.known_s[j], 0.0)) / tick_s) + 3)
     to, option = np.empty(room, np.int32), np.empty(room, np.int32)
     edges = 0

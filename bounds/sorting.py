@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envs.sorting import state as columns
+from ..envs.sorting.columns import NUMBER, REWARD, TOTAL, TRUTH
 from ..envs.sorting.config import SortingConfig
-from ..motion import QUINTIC
+from ..envs.sorting.state import Tables
+from ..envs.sorting.timing import hold_s, stroke_s
 from .base import METHODS, REPORTS, Bound, state_of
 from .belt import Belt, Stream, best_picks, decided_late, expand, finish_s
 from .timeline import Timeline, priced
@@ -98,7 +99,7 @@ class SortingInstance:
         earliest = self._earliest_s
         if earliest is None:
             # Whatever the order: a pick takes as long as the two that are nearest to each other.
-            return float((self.arriving.hold_s + 2.0 * self.arriving.least_s).min()) + self.belt.release_s
+            return float((self.arriving.hold_s + 2.0 * self.arriving.least_s).min()) + self.belt.paces.release_s
         counts = np.arange(len(earliest))
         return float((earliest[least:] / counts[least:]).min())
 
@@ -113,7 +114,7 @@ class SortingInstance:
         belt, wait_s = self.belt, self.config.grip.wait_s
         place, now, total = len(belt.places) - 1, 0.0, 0.0
         tried: list[float] = []
-        leaves = stream.passing_s + stream.last_m / belt.speed_m_s
+        leaves = stream.passing_s + stream.last_m / belt.paces.speed_m_s
         for j in order.tolist():
             while now < stream.known_s[j]:
                 now += wait_s
@@ -162,15 +163,13 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
     if reports not in REPORTS:
         raise ValueError(f"reports = {reports!r}: choose one of {', '.join(REPORTS)}")
     worlds, config = state_of(core), core.config
-    if worlds.totals[row, columns.TIME] > 0.0:
+    if worlds.totals[row, TOTAL.time_s] > 0.0:
         raise ValueError("the episode is under way: an instance is read right after a reset")
-    tables = columns.Tables.of(config)
+    tables = Tables.of(config)
     places = np.vstack([tables.bins, worlds.place[row]])
     limit_s = min(tables.time_limit_s, float(worlds.end_s[row]))
-    sorter = config.machine.sorter
-    paces = np.array(QUINTIC.paces(sorter.velocity_m_s - tables.speed_m_s, sorter.acceleration_m_s2), float)
-    belt = Belt(tables.speed_m_s, paces, places, tables.release_s, limit_s)
-    items = int(worlds.totals[row, columns.TOTAL])
+    belt = Belt(tables.paces, places, limit_s)
+    items = int(worlds.totals[row, TOTAL.items])
     if reports == "any":
         placed = _any(worlds, tables, config, row)
         arriving = placed._replace(bin=np.full(len(placed.gain), -1), gain=np.ones(len(placed.gain)))
@@ -181,7 +180,7 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
     there = worlds.queue[row, : worlds.queued[row]]
     stray = (0.0, 0.0) if reports == "drawn" else (STRAY_M, STRAY_RAD)
     held = _held(worlds, tables, row, there, *stray)
-    grade = worlds.item_truth[row, worlds.report_item[row, there], columns.TRUE_GRADE]
+    grade = worlds.item_truth[row, worlds.report_item[row, there], TRUTH.grade]
     right = held & (grade == worlds.report_grade[row, there])
     words = "reports as drawn" if reports == "drawn" else "reports as drawn, the platform strays"
     return SortingInstance(
@@ -200,7 +199,7 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
 
 def _ready(belt: Belt, stream: Stream) -> Stream:
     """In the order of the deadlines."""
-    order = np.argsort(stream.passing_s + stream.last_m / belt.speed_m_s, kind="stable")
+    order = np.argsort(stream.passing_s + stream.last_m / belt.paces.speed_m_s, kind="stable")
     parts = {name: getattr(stream, name)[order] for name in Stream._fields if name != "slack_m"}
     return decided_late(belt, Stream(**parts, slack_m=stream.slack_m))
 
@@ -208,18 +207,19 @@ def _ready(belt: Belt, stream: Stream) -> Stream:
 def _held(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64], stray_m: float, stray_rad: float) -> Any:
     """Whether the fingers hold and keep what is behind each report when the platform strays as is best."""
     number, truth = worlds.number[row, reports], worlds.item_truth[row, worlds.report_item[row, reports]]
-    x_axis = number[:, columns.X_AXIS : columns.X_AXIS + 3]
-    z_axis = number[:, columns.Z_AXIS : columns.Z_AXIS + 3]
-    tool = number[:, [columns.ACROSS_M, columns.ACROSS_M, columns.HEIGHT_M]] - tables.tool_m * z_axis
-    off = tool - truth[:, [columns.TRUE_Y, columns.TRUE_Y, columns.TRUE_Z]]
+    x_axis = number[:, NUMBER.x_axis_x : NUMBER.x_axis_x + 3]
+    z_axis = number[:, NUMBER.z_axis_x : NUMBER.z_axis_x + 3]
+    tool = number[:, [NUMBER.across_m, NUMBER.across_m, NUMBER.height_m]] - tables.tool_m * z_axis
+    off = tool - truth[:, [TRUTH.across_m, TRUTH.across_m, TRUTH.up_m]]
     # Along the belt its speed cancels out.
     off[:, 0] = (
-        tables.speed_m_s * (truth[:, columns.TRUE_S] - number[:, columns.PASSING_S]) - tables.tool_m * z_axis[:, 0]
+        tables.paces.speed_m_s * (truth[:, TRUTH.passing_s] - number[:, NUMBER.passing_s])
+        - tables.tool_m * z_axis[:, 0]
     )
     radial = np.maximum(np.hypot(off[:, 0], off[:, 1]) - stray_m - tables.tool_m * stray_rad, 0.0)
     height = np.maximum(np.abs(off[:, 2]) - stray_m - tables.tool_m * stray_rad, 0.0)
     misfit = np.zeros(len(reports))
-    for axis, true, shape in ((x_axis, columns.LONG, columns.NARROW), (z_axis, columns.SHORT, columns.FLAT)):
+    for axis, true, shape in ((x_axis, TRUTH.long_x, TRUTH.narrow), (z_axis, TRUTH.short_x, TRUTH.flat)):
         cosine = np.abs((axis * truth[:, true : true + 3]).sum(axis=1))
         angle = np.maximum(np.arccos(np.minimum(cosine, 1.0)) - stray_rad, 0.0)
         misfit += np.sin(angle) ** 2 * truth[:, shape]
@@ -227,9 +227,9 @@ def _held(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64], stray_
     exponent = radial**2 * fingers.radial_per_m2 + height**2 * fingers.height_per_m2 + misfit * fingers.misfit
     quality = np.exp(exponent) * (radial**2 <= fingers.capture_m2)
     real = worlds.report_item[row, reports] < worlds.item_truth.shape[1] - 1
-    held = truth[:, columns.HOLD_LUCK] < fingers.best * quality
-    kept = truth[:, columns.SLIP_LUCK] >= fingers.slip * (1.0 - quality)
-    return real & held & kept & np.isfinite(number[:, columns.LAST_M])
+    held = truth[:, TRUTH.grip_luck] < fingers.best * quality
+    kept = truth[:, TRUTH.way_luck] >= fingers.slip * (1.0 - quality)
+    return real & held & kept & np.isfinite(number[:, NUMBER.last_m])
 
 
 def _drawn(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64]) -> Stream:
@@ -237,15 +237,15 @@ def _drawn(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64]) -> St
     parts = {
         name: number[:, column].copy()
         for name, column in (
-            ("passing_s", columns.PASSING_S),
-            ("across_m", columns.ACROSS_M),
-            ("first_m", columns.FIRST_M),
-            ("last_m", columns.LAST_M),
-            ("hold_s", columns.HOLD_S),
-            ("least_s", columns.LEAST_S),
+            ("passing_s", NUMBER.passing_s),
+            ("across_m", NUMBER.across_m),
+            ("first_m", NUMBER.first_m),
+            ("last_m", NUMBER.last_m),
+            ("hold_s", NUMBER.hold_s),
+            ("least_s", NUMBER.least_s),
         )
     }
-    gain = float(tables.weights[0]) * tables.values[grade]
+    gain = float(tables.weights[REWARD.placed]) * tables.values[grade]
     return Stream(**parts, known_s=worlds.seen_s[row, reports].copy(), bin=grade.copy(), gain=gain, slack_m=0.0)
 
 
@@ -253,26 +253,25 @@ def _any(worlds: Any, tables: Any, config: SortingConfig, row: int) -> Stream:
     """Every item that fingers can hold, as near to machine and bins as an error that they forgive may bring it."""
     fingers, n = tables.fingers, worlds.item_truth.shape[1] - 1
     truth = worlds.item_truth[row, :n]
-    items = np.flatnonzero(worlds.item_free[row, :n] & (truth[:, columns.HOLD_LUCK] < fingers.best))
-    truth, grade = truth[items], truth[items, columns.TRUE_GRADE].astype(np.int64)
+    items = np.flatnonzero(worlds.item_free[row, :n] & (truth[:, TRUTH.grip_luck] < fingers.best))
+    truth, grade = truth[items], truth[items, TRUTH.grade].astype(np.int64)
     # The quality that the luck asks for leaves this much room for errors.
-    room = np.log(fingers.best / np.maximum(truth[:, columns.HOLD_LUCK], 1e-12))
-    height = np.sqrt(room / -fingers.height_per_m2) + tables.tool_m + truth[:, columns.TRUE_Z]
+    room = np.log(fingers.best / np.maximum(truth[:, TRUTH.grip_luck], 1e-12))
+    height = np.sqrt(room / -fingers.height_per_m2) + tables.tool_m + truth[:, TRUTH.up_m]
     down = tables.level_m - np.clip(height, 0.0, tables.level_m)
-    sorter = config.machine.sorter
-    descend = QUINTIC.duration(down, sorter.velocity_m_s, sorter.acceleration_m_s2)
-    hold = 2.0 * np.asarray(descend) + tables.grip_s
+    paces = tables.paces
+    hold = np.array([hold_s(stroke_s(way, paces.down_pace, paces.square_pace), paces.grip_s) for way in down])
     slack = math.sqrt(fingers.capture_m2) + tables.tool_m * math.sin(tables.tilt_limit_rad)
     widest = float(tables.reach_m.max())
     return Stream(
-        passing_s=truth[:, columns.TRUE_S].copy(),
-        across_m=truth[:, columns.TRUE_Y].copy(),
+        passing_s=truth[:, TRUTH.passing_s].copy(),
+        across_m=truth[:, TRUTH.across_m].copy(),
         first_m=np.full(len(items), -widest - slack),
-        last_m=widest + slack - tables.speed_m_s * hold,
+        last_m=widest + slack - tables.paces.speed_m_s * hold,
         hold_s=hold,
-        least_s=np.full(len(items), tables.shortest_s),
+        least_s=np.full(len(items), paces.shortest_s),
         known_s=np.full(len(items), -math.inf),
         bin=grade.copy(),
-        gain=float(tables.weights[0]) * tables.values[grade],
+        gain=float(tables.weights[REWARD.placed]) * tables.values[grade],
         slack_m=slack,
     )

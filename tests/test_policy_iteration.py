@@ -18,7 +18,7 @@ from fieldgym.agents.policies.sorting_value import ValueSearch, describe_all
 from fieldgym.agents.policies.value_weights import SHAPES, VALUE, ValueWeights
 from fieldgym.agents.policies.weights import PolicyFileError
 from fieldgym.envs import env_ids
-from fieldgym.envs.sorting.features import candidate_table
+from fieldgym.envs.sorting.columns import candidate_table
 
 ID = "fieldgym/ProduceSorting-v0"
 SMALL = TrainSettings(

@@ -19,10 +19,10 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.logger import configure
 
-from ...envs.sorting.features import candidate_table
+from ...envs.sorting.columns import CANDIDATE, candidate_table
 from ..evaluation import evaluate, mean
 from ..policies.base import Actions, Observation, Policy
-from ..policies.sorting import COLUMN, time_left_s
+from ..policies.sorting import time_left_s
 from ..policies.sorting_value import describe_all, elapsed_s, gain_features
 from ..policies.value_weights import GAINS, SHAPES, VALUE, ValueWeights
 from ..registry import make_policy
@@ -195,18 +195,18 @@ class _Run:
             rows = gain_features(table[picked, moment.actions[picked]])
             matrix += rows.T @ rows
             right += rows.T @ moment.rewards[picked]
-            across = table[..., COLUMN["across"]]
+            across = table[..., CANDIDATE.across]
             time_s = elapsed_s(moment.observation, self.env.unwrapped.core.config)
             if before is not None:
                 # A report keeps its place across the belt, to the last digit.
-                new = (table[..., 0] > 0.0) & ~(across[:, :, None] == before[0][:, None]).any(axis=2)
+                new = (table[..., CANDIDATE.present] > 0.0) & ~(across[:, :, None] == before[0][:, None]).any(axis=2)
                 world, slot = np.nonzero(new & moment.under_way[:, None])
                 # It came, on average, half a decision ago.
                 ago_s = 0.5 * (time_s - before[1])[world]
                 left_s = time_left_s(table[world, slot].T.astype(float)) + ago_s
                 numbers = [world.astype(float), time_s[world] - ago_s, left_s]
                 came.append(np.column_stack([*numbers, gain_features(table[world, slot])]))
-            before = np.where(table[..., 0] > 0.0, across, np.nan), time_s
+            before = np.where(table[..., CANDIDATE.present] > 0.0, across, np.nan), time_s
         self.weights["gain"] = np.asarray(np.linalg.solve(matrix, right), float)
         self.weights["arrivals"] = self._arrivals(np.concatenate(came))
 

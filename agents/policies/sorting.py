@@ -2,39 +2,39 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.compiled import bind, compiled, shortest
-from ...envs.sorting.config import GRADES, REFERENCE_CYCLE_S, SortingConfig
-from ...envs.sorting.features import (
-    CANDIDATE_FEATURES,
+from ...envs.compiled import bind, compiled
+from ...envs.sorting.columns import (
+    CANDIDATE,
     CYCLE_SCALE_S,
+    KINDS,
     PLACE_SCALE_M,
     TURN_SCALE_RAD,
     WAIT_SCALE_S,
     candidate_table,
 )
+from ...envs.sorting.config import REFERENCE_CYCLE_S, SortingConfig
 from ...envs.sorting.reports import SWING_M
+from ...envs.sorting.timing import Paces, approach_s, hold_s, stroke_s, way_s
 from ...motion import QUINTIC
 from .base import Actions, ConfiguredPolicy, Observation, StatelessPolicy
 from .search import NOTHING, Step, search
 
 Array = NDArray[np.float64]
 
-COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
-GRADE_COLUMNS = slice(COLUMN[GRADES[0]], COLUMN[GRADES[-1]] + 1)
-"""Where a candidate's numbers and grades stand among its features."""
+GRADE_COLUMNS = slice(CANDIDATE.ware, CANDIDATE.ware + KINDS)
+"""Where a candidate's grades stand among its features."""
 _GRIP_LEVEL_M = 0.010
 """Typical height of the platform when it grips."""
 
 
 def time_left_s(table: Array) -> Array:
     """Seconds (...) until candidates can no longer be gripped, from their features (F, ...)."""
-    return WAIT_SCALE_S * table[COLUMN["slack"]] + table[COLUMN["approach"]]
+    return WAIT_SCALE_S * table[CANDIDATE.slack] + table[CANDIDATE.approach]
 
 
 class _Ranking(StatelessPolicy):
@@ -57,7 +57,7 @@ class Fifo(_Ranking):
     name = "fifo"
 
     def _key(self, table: NDArray[np.float32]) -> Array:
-        return -table[..., COLUMN["along"]].astype(np.float64)
+        return -table[..., CANDIDATE.along].astype(np.float64)
 
 
 class EarliestDeadline(_Ranking):
@@ -75,7 +75,7 @@ class Nearest(_Ranking):
     name = "nearest"
 
     def _key(self, table: NDArray[np.float32]) -> Array:
-        return table[..., COLUMN["approach"]] + WAIT_SCALE_S * table[..., COLUMN["wait"]].astype(np.float64)
+        return table[..., CANDIDATE.approach] + WAIT_SCALE_S * table[..., CANDIDATE.wait].astype(np.float64)
 
 
 class ShortestCycle(_Ranking):
@@ -84,7 +84,7 @@ class ShortestCycle(_Ranking):
     name = "shortest-cycle"
 
     def _key(self, table: NDArray[np.float32]) -> Array:
-        return table[..., COLUMN["cycle"]].astype(np.float64)
+        return table[..., CANDIDATE.cycle].astype(np.float64)
 
 
 class ValuePerSecond(_Ranking):
@@ -93,19 +93,16 @@ class ValuePerSecond(_Ranking):
     name = "value-per-second"
 
     def _key(self, table: NDArray[np.float32]) -> Array:
-        worth = table[..., COLUMN["value"]].astype(np.float64) * table[..., COLUMN["quality"]]
-        return -worth / np.maximum(table[..., COLUMN["cycle"]], 1e-6)
+        worth = table[..., CANDIDATE.value].astype(np.float64) * table[..., CANDIDATE.quality]
+        return -worth / np.maximum(table[..., CANDIDATE.cycle], 1e-6)
 
 
 class Picks(NamedTuple):
     """What can be gripped in B worlds with K slots; places in mechanism coordinates as they are now.
 
     Attributes:
-        speed_m_s: of the belt.
-        pace: seconds a metre at the speed limit.
-        square_pace: seconds squared a metre at the acceleration limit.
+        paces: what times depend on.
         hold_s: seconds from the approach's end to the lift's.
-        release_s: opening the fingers.
         price: what a second costs.
         bins: (4, 2), where each grade is let go.
         present: (B, K).
@@ -121,11 +118,8 @@ class Picks(NamedTuple):
         order: (B, K), the order in which what comes after a sequence is gripped.
     """
 
-    speed_m_s: float
-    pace: float
-    square_pace: float
+    paces: Paces
     hold_s: float
-    release_s: float
     price: float
     bins: Array
     present: NDArray[np.bool_]
@@ -151,23 +145,17 @@ def extend(
     place, gain = problem.bins[problem.goal[w, candidate]], problem.gain[w, candidate]
     if first:
         return Step(place[0], place[1], z, problem.done_s[w, candidate], gain, True)
-    v, least, first_m = problem.speed_m_s, problem.turn_s[w, candidate], problem.first_m[w, candidate]
+    paces, least, first_m = problem.paces, problem.turn_s[w, candidate], problem.first_m[w, candidate]
+    v, pace, square_pace = paces.speed_m_s, paces.pace, paces.square_pace
     now, across = problem.along_m[w, candidate] + v * clock_s, problem.across_m[w, candidate]
-    approach = least
-    for _ in range(2):
-        ahead = max(now + v * approach, first_m) - x - 0.5 * v * approach
-        approach = max(way_s(problem, ahead, across - y), least)
+    aside = across - y
+    approach = approach_s(v, now, first_m, x, aside * aside, 0.0, pace, square_pace, least, 0.0)
     meet = max(now + v * approach, first_m)
     lifted_s = clock_s + max((meet - now) / v, approach) + problem.hold_s
-    carry_s = max(way_s(problem, place[0] - meet - v * problem.hold_s, place[1] - across), least)
+    aside = place[1] - across
+    carry = way_s(place[0] - meet - v * problem.hold_s, aside * aside, 0.0, pace, square_pace, least)
     possible = meet <= problem.last_m[w, candidate]
-    return Step(place[0], place[1], z, lifted_s + carry_s + problem.release_s, gain, possible)
-
-
-@compiled
-def way_s(problem: Picks, along_m: float, across_m: float) -> float:
-    """Seconds of a horizontal motion."""
-    return shortest(math.sqrt(along_m * along_m + across_m * across_m), problem.pace, problem.square_pace)
+    return Step(place[0], place[1], z, lifted_s + carry + paces.release_s, gain, possible)
 
 
 @compiled
@@ -210,40 +198,33 @@ class PickPlanner(ConfiguredPolicy):
         if depth < 1 or width < 1:
             raise ValueError(f"depth = {depth}, width = {width}: both must be at least 1")
         self._depth, self._width = depth, width
-        sorter, machine = config.machine.sorter, config.machine
-        self._speed = config.belt.speed_m_s
-        self._paces = QUINTIC.paces(sorter.velocity_m_s - self._speed, sorter.acceleration_m_s2)
-        self._turn_limits = sorter.turn_rad_s, sorter.turn_rad_s2
-        self._shortest_s = machine.shortest_move_s
-        down = machine.travel_level_m - _GRIP_LEVEL_M
-        descend = float(QUINTIC.duration(down, sorter.velocity_m_s, sorter.acceleration_m_s2))
-        self._hold_s, self._release_s = 2.0 * descend + config.grip.grip_s, config.grip.release_s
+        self._paces, grip = Paces.of(config), config.grip
+        self._turn_limits = config.machine.sorter.turn_rad_s, config.machine.sorter.turn_rad_s2
+        down = config.machine.travel_level_m - _GRIP_LEVEL_M
+        self._hold_s = hold_s(stroke_s(down, self._paces.down_pace, self._paces.square_pace), grip.grip_s)
         self._bins = np.array(config.belt.bins_m, float)
 
     def _picks(self, observation: Observation, gain: Array, price: float) -> Picks:
         """What can be gripped, with what each item is expected to bring (B, K) and what a second costs."""
         table = np.moveaxis(candidate_table(observation), -1, 0).astype(np.float64)
-        along, across = table[COLUMN["along"]] * PLACE_SCALE_M, table[COLUMN["across"]] * PLACE_SCALE_M
-        last = along + self._speed * time_left_s(table)
-        turn_s = QUINTIC.duration_unchecked(table[COLUMN["turn"]] * TURN_SCALE_RAD, *self._turn_limits)
+        along, across = table[CANDIDATE.along] * PLACE_SCALE_M, table[CANDIDATE.across] * PLACE_SCALE_M
+        last = along + self._paces.speed_m_s * time_left_s(table)
+        turn_s = QUINTIC.duration_unchecked(table[CANDIDATE.turn] * TURN_SCALE_RAD, *self._turn_limits)
         return Picks(
-            speed_m_s=float(self._speed),
-            pace=float(self._paces[0]),
-            square_pace=float(self._paces[1]),
+            paces=self._paces,
             hold_s=self._hold_s,
-            release_s=float(self._release_s),
             price=price,
             bins=self._bins,
-            present=table[COLUMN["present"]] > 0.0,
+            present=table[CANDIDATE.present] > 0.0,
             possible=observation["action_mask"][:, :-1] > 0,
             goal=np.argmax(table[GRADE_COLUMNS], axis=0),
             gain=gain,
-            done_s=table[COLUMN["cycle"]] * CYCLE_SCALE_S,
+            done_s=table[CANDIDATE.cycle] * CYCLE_SCALE_S,
             along_m=along,
             across_m=across,
-            first_m=-(last + SWING_M + self._speed * self._hold_s),
+            first_m=-(last + SWING_M + self._paces.speed_m_s * self._hold_s),
             last_m=last,
-            turn_s=np.maximum(turn_s, self._shortest_s),
+            turn_s=np.maximum(turn_s, self._paces.shortest_s),
             order=np.argsort(-along, axis=1, kind="stable"),
         )
 
@@ -282,9 +263,9 @@ class RecedingHorizon(PickPlanner):
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
         table = candidate_table(observation).astype(np.float64)
-        gain = table[..., COLUMN["quality"]]
+        gain = table[..., CANDIDATE.quality]
         if self._by_value:
-            gain = gain * table[..., COLUMN["value"]]
+            gain = gain * table[..., CANDIDATE.value]
         picks = self._picks(observation, gain, self._price)
         return self._plan(picks, picks)
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...envs.compiled import bind, compiled
-from ...envs.sorting.config import GRADES, SortingConfig
-from ...envs.sorting.features import MACHINE_FEATURES, PLACE_SCALE_M, candidate_table
+from ...envs.sorting.columns import CANDIDATE, KINDS, MACHINE, PLACE_SCALE_M, candidate_table
+from ...envs.sorting.config import SortingConfig
 from .base import Actions, Observation
 from .search import Step
-from .sorting import COLUMN, GRADE_COLUMNS, PickPlanner, Picks, queue
+from .sorting import GRADE_COLUMNS, PickPlanner, Picks, queue
 from .sorting import extend as extend_picks
 from .value_weights import ARRIVALS, ENDS, GAINS, LEFT, VALUE, ValueWeights
 
@@ -32,8 +32,7 @@ _END_S = np.array([-17.0, -7.0, -2.0, 3.0, 8.0])
 _PAIR_SCALE, _END_SCALE_S = 0.1, 10.0
 _RATE, _ARRIVE_LEFT, _ARRIVE_GAIN, _LAST = range(ARRIVALS)
 _PORTIONS = 4
-_TIME, _X = MACHINE_FEATURES.index("time"), MACHINE_FEATURES.index("x")
-_PLACE = slice(_X, _X + 2)
+_PLACE = slice(MACHINE.x, MACHINE.x + 2)
 
 assert len(_LEFT_S) == LEFT and len(_END_S) == ENDS
 
@@ -83,7 +82,7 @@ def describe(problem: ValuedPicks, w: int, x: float, y: float, clock_s: float, u
         row[i] = 0.0
     for candidate in range(picks.present.shape[1]):
         if picks.present[w, candidate] and not used >> candidate & 1:
-            left_s = (picks.last_m[w, candidate] - picks.along_m[w, candidate]) / picks.speed_m_s - clock_s
+            left_s = (picks.last_m[w, candidate] - picks.along_m[w, candidate]) / picks.paces.speed_m_s - clock_s
             _count(row, left_s, 1.0, picks.gain[w, candidate])
     seen_s = min(max(arrivals[_LAST] - problem.time_s[w], 0.0), clock_s)
     items = arrivals[_RATE] * seen_s / _PORTIONS
@@ -145,12 +144,12 @@ def gain_features(table: NDArray[np.float32]) -> Array:
     """
     grades, quality = (
         table[..., GRADE_COLUMNS].astype(np.float64),
-        table[..., COLUMN["quality"], None].astype(np.float64),
+        table[..., CANDIDATE.quality, None].astype(np.float64),
     )
     return np.concatenate([grades, grades * quality, grades * quality**2], axis=-1)
 
 
-assert GAINS == 3 * len(GRADES)
+assert GAINS == 3 * KINDS
 
 
 class ValueSearch(PickPlanner):
@@ -189,4 +188,4 @@ class ValueSearch(PickPlanner):
 
 def elapsed_s(observation: Observation, config: SortingConfig) -> Array:
     """Seconds (B,) since the episode began."""
-    return observation["machine"][:, _TIME].astype(np.float64) * config.scenario.time_limit_s
+    return observation["machine"][:, MACHINE.time].astype(np.float64) * config.scenario.time_limit_s

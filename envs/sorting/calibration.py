@@ -12,21 +12,10 @@ from typing import Any
 import numpy as np
 
 from ...perception.produce import Produce
+from .columns import ITEM
 from .config import SCENARIOS, SortingConfig
 from .core import SortingCore
-from .field import (
-    ARRIVAL_S,
-    AZIMUTH,
-    FRUIT,
-    GRADE,
-    LENGTH_M,
-    THICKNESS,
-    TILT,
-    WIDTH,
-    Y_M,
-    YAW,
-    Z_M,
-)
+from .drawing import FRUIT
 from .reports import wrapped
 from .view import MATCH_RADIUS_M, SorterView
 
@@ -50,14 +39,14 @@ class Tally:
     def add(self, seen: Produce, core: SortingCore, taken_s: float) -> None:
         """Count one image."""
         belt = core.config.belt
-        x = belt.speed_m_s * (taken_s - core.items[0, :, ARRIVAL_S])
+        x = belt.speed_m_s * (taken_s - core.items[0, :, ITEM.passing_s])
         half = 0.5 * belt.camera_step_m
         there = np.flatnonzero(np.abs(x - belt.camera_x_m) <= half)
         around = np.flatnonzero(np.abs(x - belt.camera_x_m) <= half + MATCH_RADIUS_M)
         near = np.flatnonzero(np.abs(seen.position[:, 0] - belt.camera_x_m) <= half + 0.5 * MATCH_RADIUS_M)
         self.frames += 1
         self.items += len(there)
-        places = np.stack([x, core.items[0, :, Y_M]], axis=-1)
+        places = np.stack([x, core.items[0, :, ITEM.across_m]], axis=-1)
         used: set[int] = set()
         found: set[int] = set()
         distance = np.linalg.norm(seen.position[near][:, None, :2] - places[around][None], axis=-1)
@@ -72,23 +61,23 @@ class Tally:
             found.add(item)
             if item in there:
                 self._pair(seen, int(near[report]), core, item, x[item])
-        missed = core.items[0, [i for i in there if i not in found], GRADE]
+        missed = core.items[0, [i for i in there if i not in found], ITEM.grade]
         self.missed += np.bincount(missed.astype(np.int64), minlength=4)
         inside = [r for r in range(len(near)) if abs(seen.position[near[r], 0] - belt.camera_x_m) <= half]
         self.false += sum(r not in used for r in inside)
 
     def _pair(self, seen: Produce, report: int, core: SortingCore, item: int, x: float) -> None:
         lies = core.items[0, item]
-        grade = int(lies[GRADE])
+        grade = int(lies[ITEM.grade])
         kind = int(grade // 2 == FRUIT)
         self.confusion[grade, seen.grade[report]] += 1
-        centre = np.array([x, lies[Y_M], lies[Z_M] + core.config.machine.sorter.belt_height_m])
+        centre = np.array([x, lies[ITEM.across_m], lies[ITEM.up_m] + core.config.machine.sorter.belt_height_m])
         self.centre.append(seen.position[report] - centre)
-        self.yaw[kind].append(float(wrapped(np.array(seen.yaw[report] - lies[YAW]))))
-        lean = lies[TILT] * np.array([np.cos(lies[AZIMUTH]), np.sin(lies[AZIMUTH])])
+        self.yaw[kind].append(float(wrapped(np.array(seen.yaw[report] - lies[ITEM.yaw_rad]))))
+        lean = lies[ITEM.tilt_rad] * np.array([np.cos(lies[ITEM.azimuth_rad]), np.sin(lies[ITEM.azimuth_rad])])
         reported = seen.tilt[report] * np.array([np.cos(seen.azimuth[report]), np.sin(seen.azimuth[report])])
         self.lean[kind].append(reported - lean)
-        true_axes = lies[LENGTH_M] * np.array([1.0, lies[WIDTH], lies[THICKNESS]])
+        true_axes = lies[ITEM.length_m] * np.array([1.0, lies[ITEM.width], lies[ITEM.thickness]])
         self.axes.append(seen.axes_m[report] / true_axes - 1.0)
 
     def fit(self) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import pi
 from typing import Any, NamedTuple
 
@@ -10,31 +11,21 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ..core import COMMON_SCORES, Array, Rows, StepResult, TaskCore
+from ..columns import names
+from ..core import Array, Rows, StepResult, TaskCore
+from ..field import ABSENT
+from .columns import ITEM, LIMIT, TOTAL, Candidate, Item, Machine, Phases, Rewards, Scores
+from .completing import check_fit, completed
 from .config import GRADES, PerceptionModel, SortingConfig
-from .features import CANDIDATE_FEATURES, MACHINE_FEATURES
-from .field import (
-    ITEM,
-    LENGTH_M,
-    REPORT,
-    THICKNESS,
-    WIDTH,
-    Camera,
-    Stream,
-    draw_blocks,
-    draw_items,
-    draw_reports,
-    random_numbers,
-)
+from .drawing import Camera, Stream, draw_streams, report_streams
+from .field import CAMERAS, ProduceField, Streams, reports_of, stacked, unstacked
 from .reports import begin_worlds, take_reports
 from .rules import apply_worlds, end_phases, foresee_worlds, grip_worlds, observe_worlds, plan_worlds, score_worlds
-from .state import PICK, TIME, WAIT, Grip, SorterPlan, Tables, Worlds
-
-_FEATURE_LIMIT = 10.0
+from .state import PICK, WAIT, Grip, SorterPlan, Tables, Worlds
 
 
 class SorterOutcome(NamedTuple):
-    """What happened: seconds of each phase (B, 7) and the grip."""
+    """What happened: seconds of each phase (B, ``Phases``) and the grip."""
 
     phases_s: Array
     grip: Grip
@@ -49,64 +40,88 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         worlds: number of worlds B.
     """
 
-    reward_names = ("placed", "misplaced", "dropped", "wasted")
-    phase_names = ("wait", "approach", "descend", "grip", "lift", "carry", "release")
+    reward_names = names(Rewards)
+    phase_names = names(Phases)
+    score_names = names(Scores)
+    machine_features = names(Machine)
+    candidate_features = names(Candidate)
+    field_type = ProduceField
 
     def __init__(self, config: SortingConfig, perception: PerceptionModel | None, worlds: int = 1):
         """Allocate the state."""
         super().__init__(worlds)
         self.config, self.perception = config, perception
         k, n = config.slots, config.scenario.max_items
-        self.score_names = (
-            *COMMON_SCORES,
-            *(f"phase_{name}_s" for name in self.phase_names),
-            *("value_rate", "misplaced", "dropped", "wasted", "total", "picks_per_min"),
-        )
         self.action_space = spaces.Discrete(k + 1)
-        limit = _FEATURE_LIMIT
         self.observation_space = spaces.Dict(
             {
-                "machine": spaces.Box(-limit, limit, (len(MACHINE_FEATURES),), np.float32),
-                "candidates": spaces.Box(-limit, limit, (k * len(CANDIDATE_FEATURES),), np.float32),
+                "machine": spaces.Box(-LIMIT, LIMIT, (len(self.machine_features),), np.float32),
+                "candidates": spaces.Box(-LIMIT, LIMIT, (k * len(self.candidate_features),), np.float32),
                 "action_mask": spaces.Box(0, 1, (k + 1,), np.int8),
             }
         )
         self.tables = Tables.of(config)
         self._stream, self._camera = Stream.of(config), Camera.of(config, perception or PerceptionModel.perfect())
-        self._numbers = random_numbers(config.scenario, self._camera)
         # Reports of nothing come on top; a real camera may report an item again.
-        reports = n + (len(self._camera.ghosts) if perception else n)
-        self.state = Worlds.room(worlds, n, reports, k)
-        # What lies on the belt, one row an item; see ``scenario.ITEM``. The last item stands for none.
-        self.items = np.full((worlds, n + 1, len(ITEM)), np.inf)
+        self._reports = n + len(self._camera.ghosts) if perception else 0
+        self.state = Worlds.room(worlds, n, self._reports or 2 * n, k)
+        # What lies on the belt, one row an item, see ``columns.Item``. The last item stands for none.
+        self.items = np.full((worlds, n + 1, len(Item._fields)), np.inf)
         self.sensor_seed = np.zeros(worlds, np.int64)
         self.episode = np.zeros(worlds, np.int64)
 
     @property
     def time_s(self) -> Array:
         """Seconds since the stream began, (B,)."""
-        return self.state.totals[:, TIME]
+        return self.state.totals[:, TOTAL.time_s]
 
-    def draw(self, generators: Sequence[np.random.Generator]) -> Any:
-        """Draw new streams."""
-        return draw_blocks(generators, self._numbers)
+    def draw(self, generators: Sequence[np.random.Generator]) -> Streams:
+        """Draw new streams and what the camera reports of them."""
+        return draw_streams(self._stream, self._camera, generators, self.items.shape[1] - 1, self._reports)
 
-    def load(self, rows: Rows, batch: Any) -> None:
+    def stack(self, fields: Sequence[ProduceField]) -> Streams:
+        """The batch of fields in which nothing is missing."""
+        return stacked(fields, self.items.shape[1] - 1, self._reports)
+
+    def unstack(self, batch: Streams) -> list[ProduceField]:
+        """The fields of a batch."""
+        return unstacked(batch, self.seen_by)
+
+    def load(self, rows: Rows, batch: Streams) -> None:
         """Put streams into ``rows``; the belt is full up to the reach, the platform rests in the middle."""
-        uniform, normal, camera_uniform, camera_normal = batch
-        draw_items(self._stream, self.items, rows, uniform, normal)
+        self.items[rows] = batch.items
         begin_worlds(self.tables, self.state, rows, self.items)
         self.episode[rows] += 1
-        self.sensor_seed[rows] = (camera_uniform[:, 0] * 2.0**52).astype(np.int64)
-        if self.perception is not None:
-            drawn = np.empty((len(rows), self.state.number.shape[1] - 1, len(REPORT)))
-            draw_reports(self._stream, self._camera, self.items, rows, camera_uniform, camera_normal, drawn)
-            take_reports(self.tables, self.state, rows, drawn)
+        self.sensor_seed[rows] = batch.noise_seed
+        if self._reports:
+            take_reports(self.tables, self.state, rows, batch.reports)
+
+    def complete(self, field: Any, generator: np.random.Generator) -> ProduceField:
+        """See ``TaskCore.complete``; reports that another camera has made are made anew, without any they are made."""
+        whole, own = super().complete(field, generator), CAMERAS.index(self.seen_by)
+        made_by = ABSENT if whole.camera is None or not len(whole.camera) else whole.camera.made_by[0]
+        if self.perception is None or made_by not in (ABSENT, own):
+            whole = replace(whole, reports=None)
+        whole = completed(whole, self.config, self._camera, own, generator)
+        last = self.items.shape[1] - 1
+        check_fit(whole, self.config, last, self._reports)
+        if self.perception is None or whole.reports is not None:
+            return whole
+        chance = generator if self.seen_by == "model" else None
+        said = report_streams(self._stream, self._camera, stacked([whole], last, 0).items, chance, self._reports)
+        return replace(whole, reports=reports_of(said[0], last))
+
+    @property
+    def seen_by(self) -> str:
+        """What makes the reports, one of ``field.CAMERAS``."""
+        if self.perception is None:
+            return "camera"
+        return "perfect" if self.perception == PerceptionModel.perfect() else "model"
 
     def receive(self, row: int, reports: Array) -> None:
         """Add a camera's reports (n, columns) to one world; those that do not fit in the memory are forgotten.
 
-        The columns are ``scenario.REPORT``.
+        The columns are those of ``columns.Report``.
         """
         take_reports(self.tables, self.state, np.array([row]), reports[None])
 
@@ -126,16 +141,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         return foresee_worlds(self.state, plan.report)
 
     def phases_of(self, plan: SorterPlan, held: NDArray[np.bool_]) -> Array:
-        """Nominal seconds (B, 7) of each phase: after an empty grip the platform only comes to rest."""
-        return end_phases(plan, held, self.tables.stop_s)
-
-    def stack(self, fields: Sequence[Any]) -> Any:
-        """The batch of fields."""
-        raise NotImplementedError
-
-    def unstack(self, batch: Any) -> list[Any]:
-        """The fields of a batch."""
-        raise NotImplementedError
+        """Nominal seconds (B, ``Phases``) of each phase: after an empty grip the platform only comes to rest."""
+        return end_phases(plan, held, self.tables.paces.stop_s)
 
     def nominal(self, plan: SorterPlan) -> SorterOutcome:
         """Nominal phase times, the tool exactly where it was sent."""
@@ -160,8 +167,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         elapsed = float(result.phases_s[row].sum())
         if plan.kind[row] != PICK:
             return f"{'wait' if plan.kind[row] == WAIT else 'illegal action'}: {elapsed:.2f} s"
-        placed, misplaced, dropped, wasted = (float(value) for value in result.rewards[row])
-        words = [(placed, "placed"), (misplaced, "wrong bin"), (dropped, "dropped"), (wasted, "nothing held")]
+        names_of = ("placed", "wrong bin", "dropped", "nothing held")
+        words = zip(result.rewards[row].tolist(), names_of, strict=True)
         what = next((word for value, word in words if value), "no reward")
         return f"{GRADES[int(plan.grade[row])]} from slot {int(plan.slot[row])}: {what}, {elapsed:.2f} s"
 
@@ -171,7 +178,7 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         if number == self.items.shape[1] - 1:
             return 0.0
         item = self.items[row, number]
-        volume_m3 = pi / 6.0 * item[LENGTH_M] ** 3 * item[WIDTH] * item[THICKNESS]
+        volume_m3 = pi / 6.0 * item[ITEM.length_m] ** 3 * item[ITEM.width] * item[ITEM.thickness]
         return float(self.config.produce.density_kg_m3 * volume_m3)
 
     def refusal(self, slot: int, row: int = 0) -> str:

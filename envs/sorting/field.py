@@ -1,320 +1,188 @@
-"""Draws streams of produce: when and where items come down the belt, how they lie, and what a camera reports of them.
-
-Each world hands over blocks of uniform and normal numbers from its own generator; everything else follows from them
-world by world, so a world's stream does not depend on how many worlds are drawn beside it.
-"""
+"""A stream of produce as a value: what comes down the belt, how it lies, its luck, and what a camera says of it."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from functools import lru_cache
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from math import pi
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from scipy.special import pdtr
+from numpy.typing import NDArray
 
-from ..compiled import compiled, fill
-from ..core import Array, Rows
-from .config import PerceptionModel, ScenarioConfig, SortingConfig
+from ..columns import names
+from ..core import Array
+from ..field import ABSENT, Field, Table, Toy, label, number, whole
+from .columns import REPORT, Item, Report
+from .config import GRADES
 
-FRUIT = 1
-"""Kinds: 0 tuber, 1 fruit; grades 2 * kind and 2 * kind + 1."""
+CAMERAS = ("camera", "perfect", "model")
+"""What makes reports: rendered pictures (then they are no part of a field), no errors, errors as they were measured."""
 
-_FALSE_RESERVE = 5.0
-_NEIGHBOURS = 5
-_DRAWS, _NORMALS, _SEEN_DRAWS, _SEEN_NORMALS = 13, 3, 2, 9
-_GHOST_DRAWS = 6
-_GHOST_CENTRE_M, _GHOST_THICKNESS = 0.014, 0.5
+_LONGEST_S, _WIDEST_M, _ROUND = 1e5, 1.5, 2.5 * pi
 
 
-COMMON = ("arrival_s", "y_m", "z_m", "yaw", "tilt", "azimuth", "length_m", "width", "thickness", "grade")
-ARRIVAL_S, Y_M, Z_M, YAW, TILT, AZIMUTH, LENGTH_M, WIDTH, THICKNESS, GRADE = range(10)
-"""What is true of an item, and what a camera says of one: when its centre passes x = 0, infinite where there is none;
-its centre across and above the belt, which the ellipsoid touches; direction of the long axis before the tilt, rad; lean
-of the short axis and where it leans to, rad; full length, width and thickness as fractions of it; grade's index."""
+@dataclass(frozen=True, eq=False)
+class Items(Table):
+    """What comes down the belt, one row an item: columns as ``columns.Item``."""
 
-ITEM = (*COMMON, "ripeness", "skin", "grip_luck", "way_luck", "slip_along_m", "slip_across_m")
-RIPENESS, SKIN, GRIP_LUCK, WAY_LUCK, SLIP_ALONG_M, SLIP_ACROSS_M = range(10, 16)
-"""Besides, of an item: ripeness of a fruit, ripeness that the skin's colour suggests, uniform luck of the grip and of
-the way, how far it has left its place on the belt when it is gripped."""
-
-REPORT = (*COMMON, "seen_s", "item")
-SEEN_S, OF_ITEM = 10, 11
-"""Besides, of a report: when it arrives, and for scoring alone the item behind it, the last one where there is none."""
-
-
-class Stream(NamedTuple):
-    """What a stream is drawn from: the configuration in the shape that a kernel takes.
-
-    Attributes:
-        stay: chance that the next item belongs to the same clump.
-        gap_s: (2,), mean time between the items of a clump, and between clumps.
-        stream_s: items come for this long.
-        start_s: when an item passes x = 0 that lies at the beginning of the belt at time 0, negated.
-        speed_m_s: of the belt.
-        half_width_m: item centres keep to this distance from the belt's middle.
-        fruit_share: share of fruits.
-        low: (2, 3), by kind: smallest length, width / length and thickness / width.
-        span: (2, 3), how much larger the largest is.
-        levels: (2, 3), number of values on the raster.
-        tilt_sigma_rad: of the Rayleigh law.
-        tilt_max_rad: largest tilt.
-        ware_from_m: tubers at least this long are ware.
-        ripe_from: fruits at least this ripe are ripe.
-        skin_sigma: how far the skin's colour is from the ripeness.
-        slip_sigma_m: how far an item has left its place, along and across.
-    """
-
-    stay: float
-    gap_s: Array
-    stream_s: float
-    start_s: float
-    speed_m_s: float
-    half_width_m: float
-    fruit_share: float
-    low: Array
-    span: Array
-    levels: Array
-    tilt_sigma_rad: float
-    tilt_max_rad: float
-    ware_from_m: float
-    ripe_from: float
-    skin_sigma: float
-    slip_sigma_m: float
-
-    @classmethod
-    def of(cls, config: SortingConfig) -> Stream:
-        """The numbers of a configuration."""
-        scenario, produce, belt = config.scenario, config.produce, config.belt
-        stay = 1.0 - 1.0 / scenario.clump
-        apart_s = scenario.clump * (1.0 / scenario.rate_hz - stay * scenario.clump_gap_s)
-        ranges = np.array(
-            [
-                [produce.tuber_length_m, produce.tuber_width, produce.thickness],
-                [produce.fruit_length_m, produce.fruit_width, produce.thickness],
-            ]
-        )
-        levels = np.full((2, 3), float(produce.shape_levels))
-        levels[:, 0] = np.round((ranges[:, 0, 1] - ranges[:, 0, 0]) / produce.length_step_m) + 1.0
-        return cls(
-            stay=float(stay),
-            gap_s=np.array([scenario.clump_gap_s, apart_s]),
-            stream_s=float(scenario.stream_s),
-            start_s=float(belt.start_x_m / belt.speed_m_s),
-            speed_m_s=float(belt.speed_m_s),
-            half_width_m=float(belt.item_half_width_m),
-            fruit_share=float(produce.fruit_share),
-            low=ranges[..., 0].copy(),
-            span=ranges[..., 1] - ranges[..., 0],
-            levels=levels,
-            tilt_sigma_rad=float(produce.tilt_sigma_rad),
-            tilt_max_rad=float(produce.tilt_max_rad),
-            ware_from_m=float(produce.ware_from_m),
-            ripe_from=float(produce.ripe_from),
-            skin_sigma=float(produce.skin_sigma),
-            slip_sigma_m=float(belt.slip_sigma_m),
-        )
+    passing_s: Array = number("s", -_LONGEST_S, _LONGEST_S, "when its centre passes the machine's middle, x = 0")
+    across_m: Array = number("m", -_WIDEST_M, _WIDEST_M, "its centre across the belt, from the middle")
+    up_m: Array = number("m", 0.0, 0.5, "its centre above the belt, which it touches", "task")
+    yaw_rad: Array = number("rad", -_ROUND, _ROUND, "direction of its long axis, from the belt's", 0.0)
+    tilt_rad: Array = number("rad", 0.0, 0.5 * pi, "lean of its short axis", 0.0)
+    azimuth_rad: Array = number("rad", -_ROUND, _ROUND, "where that leans to", 0.0)
+    length_m: Array = number("m", 0.005, 0.3, "full length; the mean of its grade", "task")
+    width: Array = number("", 0.02, 1.0, "full width / length; the mean of its grade", "task")
+    thickness: Array = number("", 0.02, 1.0, "full thickness / length; the mean of its grade", "task")
+    grade: NDArray[np.int64] = label(GRADES, "where it belongs")
+    ripeness: Array = number("", 0.0, 1.0, "of a fruit; the mean of its grade", "task")
+    skin: Array = number("", 0.0, 1.0, "ripeness that the skin's colour suggests; its own", "task")
+    grip_luck: Array = number("", 0.0, 1.0, "luck of the grip: it holds where this is below its quality", "uniform")
+    way_luck: Array = number("", 0.0, 1.0, "luck of the way: it slips where this is small", "uniform")
+    slip_along_m: Array = number("m", -0.5, 0.5, "how far it has left its place when it is gripped, drawn", "task")
+    slip_across_m: Array = number("m", -0.5, 0.5, "the same across the belt, drawn", "task")
 
 
-class Camera(NamedTuple):
-    """What reports are drawn from: the perception model in the shape that a kernel takes.
+@dataclass(frozen=True, eq=False)
+class Reports(Table):
+    """What a camera says, one row a report: columns as ``columns.Report``."""
+
+    passing_s: Array = number("s", -_LONGEST_S, _LONGEST_S, "when the centre passes the machine's middle, x = 0")
+    across_m: Array = number("m", -4.0, 4.0, "the centre across the belt, from the middle")
+    up_m: Array = number("m", -2.0, 2.0, "the centre above the belt", "task")
+    yaw_rad: Array = number("rad", -50.0, 50.0, "direction of the long axis, from the belt's", 0.0)
+    tilt_rad: Array = number("rad", 0.0, 50.0, "lean of the short axis", 0.0)
+    azimuth_rad: Array = number("rad", -_ROUND, _ROUND, "where that leans to", 0.0)
+    length_m: Array = number("m", 0.001, 1.0, "full length; the mean of its grade", "task")
+    width: Array = number("", 0.001, 1.0, "full width / length; the mean of its grade", "task")
+    thickness: Array = number("", 0.001, 1.0, "full thickness / length; the mean of its grade", "task")
+    grade: NDArray[np.int64] = label(GRADES, "which grade is reported")
+    seen_s: Array = number("s", -_LONGEST_S, _LONGEST_S, "when the report arrives; as the camera's place says", "task")
+    item: NDArray[np.int64] = whole(0, 1e6, "row of the item behind it, from 0; none where it is not given", "task")
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor(Table):
+    """The camera, one row."""
+
+    noise_seed: NDArray[np.int64] = whole(0, 2.0**53, "of the noise of rendered pictures, drawn", "task")
+    made_by: NDArray[np.int64] = label(CAMERAS, "what the reports were made by; as they are wanted", "task")
+
+
+assert tuple(Items.columns()) == names(Item) and tuple(Reports.columns()) == names(Report)
+
+
+@dataclass(frozen=True, eq=False)
+class ProduceField(Field):
+    """One stream: what comes, with all of its luck, and what the camera says of it.
 
     Attributes:
-        recall: share of items that are reported.
-        limits: (4, 3), cumulative confusion by true grade.
-        bias_m: (3,), of the reported centre.
-        sigma_m: (3,), of the reported centre.
-        yaw_sigma_rad: (2,), by kind.
-        tilt_sigma_rad: (2,), by kind and horizontal component.
-        length_sigma: relative error of the reported axes.
-        ghosts: (G,), cumulative probabilities of 0, 1, ... reports of nothing.
-        ghost_length_m: shortest reported length of nothing.
-        report_s: from when a centre passes x = 0 to when its report arrives.
+        items: what comes; a file needs ``passing_s``, ``across_m`` and ``grade``.
+        reports: what the camera says; None: it is made from the items.
+        camera: of the reports and of pictures.
     """
 
-    recall: float
-    limits: Array
-    bias_m: Array
-    sigma_m: Array
-    yaw_sigma_rad: Array
-    tilt_sigma_rad: Array
-    length_sigma: float
-    ghosts: Array
-    ghost_length_m: float
-    report_s: float
+    task: ClassVar[str] = "sorting"
+    main: ClassVar[str] = "items"
+    places: ClassVar[tuple[str, ...]] = ("passing_s", "across_m")
+
+    items: Items
+    reports: Reports | None = None
+    camera: Sensor | None = None
 
     @classmethod
-    def of(cls, config: SortingConfig, perception: PerceptionModel) -> Camera:
-        """The numbers of a configuration."""
-        scenario, belt = config.scenario, config.belt
-        return cls(
-            recall=float(perception.recall),
-            limits=np.cumsum(np.asarray(perception.confusion, float), axis=1)[:, :-1].copy(),
-            bias_m=np.array(perception.bias_m, float),
-            sigma_m=np.array(perception.sigma_m, float),
-            yaw_sigma_rad=np.array(perception.yaw_sigma_rad, float),
-            tilt_sigma_rad=np.array(perception.tilt_sigma_rad, float),
-            length_sigma=float(perception.length_sigma),
-            ghosts=false_table(perception.false_per_item * scenario.rate_hz * scenario.stream_s),
-            ghost_length_m=float(config.produce.tuber_length_m[0]),
-            report_s=float((belt.camera_x_m + 0.5 * belt.camera_step_m) / belt.speed_m_s + belt.latency_s),
+    def toy(cls) -> tuple[Toy, ...]:
+        """Instances for ``perfect`` reports in which every grip holds, with their optimum."""
+        small = {"scenario.stream_s": 10.0, "scenario.time_limit_s": 30.0}
+
+        def stream(**columns: Any) -> ProduceField:
+            still = {"grip_luck": 0.0, "way_luck": 0.99, "slip_along_m": 0.0, "slip_across_m": 0.0}
+            rows = len(columns["passing_s"])
+            given = {name: np.full(rows, value) for name, value in (still | columns).items() if np.isscalar(value)}
+            return cls(replace(Items.empty(rows), **columns, **given))
+
+        ware, seed, ripe, green = range(len(GRADES))
+        return (
+            Toy(
+                "one",
+                stream(passing_s=[2.0], across_m=[0.03], grade=[ripe]),
+                small,
+                1.0,
+                0.8,
+                "one ripe fruit, which is worth 0.8, comes within reach and every grip holds",
+            ),
+            Toy(
+                "either",
+                stream(passing_s=[-2.4, -2.4], across_m=[0.06, -0.06], grade=[seed, ware]),
+                small,
+                0.5,
+                1.0,
+                "both leave the reach together, sooner than one pick takes: the one that is worth more is taken",
+            ),
+            Toy(
+                "in-turn",
+                stream(passing_s=[-2.0, -0.4, 0.9], across_m=[0.0, 0.04, -0.04], grade=[ware, green, ripe]),
+                small,
+                1.0,
+                2.1,
+                "there is time for all three in the order in which they leave, and in no other",
+            ),
         )
 
 
-@lru_cache(maxsize=32)
-def false_table(mean: float) -> Array:
-    """Cumulative Poisson probabilities of 0, 1, ... false reports, up to where they no longer matter."""
-    slots = int(np.ceil(mean + _FALSE_RESERVE * np.sqrt(mean) + 1.0)) if mean > 0.0 else 0
-    return pdtr(np.arange(slots), mean)
+class Streams(NamedTuple):
+    """R streams side by side, in the form that is drawn and loaded; what does not exist passes at infinity.
+
+    Attributes:
+        items: (R, N + 1, ``Item``), the last one stands for none.
+        reports: (R, M, ``Report``); none at all where they come from outside.
+        noise_seed: (R,), of rendered pictures.
+    """
+
+    items: Array
+    reports: Array
+    noise_seed: NDArray[np.int64]
 
 
-def random_numbers(scenario: ScenarioConfig, camera: Camera) -> tuple[int, int, int, int]:
-    """Lengths of a world's blocks: uniform and normal numbers of the stream, then of the camera."""
-    n = scenario.max_items
-    seen = _SEEN_DRAWS * n + 1 + _GHOST_DRAWS * len(camera.ghosts)
-    return _DRAWS * n, _NORMALS * n, seen, _SEEN_NORMALS * n
+def stacked(fields: Sequence[ProduceField], items: int, reports: int) -> Streams:
+    """Complete fields side by side, with room for so many items and reports."""
+    streams = Streams(
+        np.full((len(fields), items + 1, len(Item._fields)), np.inf),
+        np.full((len(fields), reports, len(Report._fields)), np.inf),
+        np.zeros(len(fields), np.int64),
+    )
+    for row, field in enumerate(fields):
+        streams.items[row, : len(field.items)] = _rows(field.items)
+        if reports and field.reports is not None:
+            said = _rows(field.reports)
+            said[said[:, REPORT.item] == ABSENT, REPORT.item] = items
+            streams.reports[row, : len(said)] = said
+        if field.camera is not None:
+            streams.noise_seed[row] = field.camera.noise_seed[0]
+    return streams
 
 
-def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int, int, int]) -> list[Array]:
-    """One block (R, n) for each of ``random_numbers``' lengths; the stream's numbers come first."""
-    rows = [
-        (g.random(lengths[0]), g.standard_normal(lengths[1]), g.random(lengths[2]), g.standard_normal(lengths[3]))
-        for g in generators
-    ]
-    return [np.stack(column) for column in zip(*rows, strict=True)]
+def unstacked(streams: Streams, made_by: str) -> list[ProduceField]:
+    """The fields of streams whose reports ``made_by`` has made."""
+    fields, last = [], streams.items.shape[1] - 1
+    for items, said, seed in zip(*streams, strict=True):
+        there, reports = items[np.isfinite(items[:, 0])], None
+        if len(said):
+            reports = reports_of(said, last)
+        sensor = Sensor(np.array([seed]), np.array([CAMERAS.index(made_by)]))
+        fields.append(ProduceField(Items(*there.T), reports, sensor))
+    return fields
 
 
-@compiled
-def gap_s(stream: Stream, wait: float, together: float) -> float:
-    """Seconds to the next arrival from uniform numbers: exponential, short within a clump."""
-    return -math.log1p(-wait) * stream.gap_s[0 if together < stream.stay else 1]
+def reports_of(said: Array, last: int) -> Reports:
+    """The table of reports (M, ``Report``); item ``last`` stands for none."""
+    there = said[np.isfinite(said[:, REPORT.passing_s])]
+    columns = dict(zip(names(Report), there.T, strict=True))
+    item = columns["item"]
+    return Reports(**columns | {"item": np.where(item == last, ABSENT, item)})
 
 
-@compiled
-def delayed_s(lane: Array, i: int, speed_m_s: float) -> float:
-    """When item ``i`` of a world comes, at the earliest, so that it overlaps none of the five before it."""
-    earliest = lane[i, ARRIVAL_S]
-    for j in range(max(i - _NEIGHBOURS, 0), i):
-        reach = 0.5 * lane[j, LENGTH_M] + 0.5 * lane[i, LENGTH_M]
-        across = lane[j, Y_M] - lane[i, Y_M]
-        square = reach * reach - across * across
-        # Items that pass beside each other do not wait for each other at all.
-        if square > 0.0:
-            earliest = max(earliest, lane[j, ARRIVAL_S] + math.sqrt(square) * (1.0 / speed_m_s))
-    return earliest
-
-
-@compiled
-def centre_height_m(length_m: float, width: float, thickness: float, yaw: float, tilt: float, azimuth: float) -> float:
-    """Height of an ellipsoid's centre over the plane it touches."""
-    # The third row of the turned frame: how much of each axis points up.
-    lean = math.sin(tilt)
-    long_up = -lean * math.cos(azimuth - yaw)
-    wide_up = -lean * math.sin(azimuth - yaw) * width
-    short_up = thickness * math.cos(tilt)
-    return 0.5 * length_m * math.sqrt(long_up * long_up + wide_up * wide_up + short_up * short_up)
-
-
-@compiled
-def on_raster(stream: Stream, kind: int, size: int, draw: float) -> float:
-    """A value on the raster over a range: ``size`` 0 length, 1 width, 2 thickness."""
-    levels = stream.levels[kind, size]
-    return stream.low[kind, size] + stream.span[kind, size] * (math.floor(draw * levels) / max(levels - 1.0, 1.0))
-
-
-@compiled
-def draw_items(stream: Stream, items: Array, rows: Rows, uniform: Array, normal: Array) -> None:
-    """Lay the items (B, N, ITEM) of the worlds ``rows``, in order of arrival, from their random blocks (R, .)."""
-    n = uniform.shape[1] // _DRAWS
-    for r, w in enumerate(rows):
-        u, z, lane = uniform[r].reshape(_DRAWS, n), normal[r].reshape(_NORMALS, n), items[w]
-        fill(lane[:, ARRIVAL_S], np.inf)
-        start_s = 0.0
-        for i in range(n):
-            start_s += gap_s(stream, u[0, i], u[1, i])
-            if start_s >= stream.stream_s:
-                break
-            draw_item(stream, lane[i], u[:, i], z[:, i])
-            lane[i, ARRIVAL_S] = start_s
-            lane[i, ARRIVAL_S] = delayed_s(lane, i, stream.speed_m_s)
-        for i in range(n):
-            lane[i, ARRIVAL_S] -= stream.start_s
-
-
-@compiled
-def draw_item(stream: Stream, item: Array, u: Array, z: Array) -> None:
-    """What one item is and how it lies, from its uniform and normal numbers."""
-    kind = 1 if u[6] < stream.fruit_share else 0
-    item[Y_M] = stream.half_width_m * (2.0 * u[2] - 1.0)
-    item[YAW], item[AZIMUTH] = math.pi * (u[3] - 0.5), 2.0 * math.pi * u[5]
-    item[TILT] = min(stream.tilt_sigma_rad * math.sqrt(-2.0 * math.log1p(-u[4])), stream.tilt_max_rad)
-    item[LENGTH_M], item[WIDTH] = on_raster(stream, kind, 0, u[7]), on_raster(stream, kind, 1, u[8])
-    item[THICKNESS] = item[WIDTH] * on_raster(stream, kind, 2, u[9])
-    item[Z_M] = centre_height_m(item[LENGTH_M], item[WIDTH], item[THICKNESS], item[YAW], item[TILT], item[AZIMUTH])
-    second = u[10] < stream.ripe_from if kind == FRUIT else item[LENGTH_M] < stream.ware_from_m
-    item[GRADE] = 2.0 * kind + (1.0 if second else 0.0)
-    item[RIPENESS], item[SKIN] = u[10], min(max(u[10] + stream.skin_sigma * z[2], 0.0), 1.0)
-    item[GRIP_LUCK], item[WAY_LUCK] = u[11], u[12]
-    item[SLIP_ALONG_M], item[SLIP_ACROSS_M] = stream.slip_sigma_m * z[0], stream.slip_sigma_m * z[1]
-
-
-@compiled
-def draw_reports(
-    stream: Stream, camera: Camera, items: Array, rows: Rows, uniform: Array, normal: Array, reports: Array
-) -> None:
-    """Write what the statistical camera reports (R, M, REPORT) of the worlds ``rows``, from blocks of its own."""
-    n = normal.shape[1] // _SEEN_NORMALS
-    for r, w in enumerate(rows):
-        u, z = uniform[r, : 2 * n].reshape(_SEEN_DRAWS, n), normal[r].reshape(_SEEN_NORMALS, n)
-        fill(reports[r, :, ARRIVAL_S], np.inf)
-        fill(reports[r, :, OF_ITEM], items.shape[1] - 1.0)
-        for i in range(n):
-            if items[w, i, ARRIVAL_S] == np.inf:
-                break
-            if u[0, i] < camera.recall:
-                draw_report(stream, camera, items[w, i], u[1, i], z[:, i], reports[r, i])
-                reports[r, i, OF_ITEM] = i
-        draw_ghosts(stream, camera, uniform[r, 2 * n :], reports[r, n:])
-        for m in range(reports.shape[1]):
-            reports[r, m, SEEN_S] = reports[r, m, ARRIVAL_S] + camera.report_s
-
-
-@compiled
-def draw_report(stream: Stream, camera: Camera, item: Array, u: float, z: Array, report: Array) -> None:
-    """What the camera says of one item that it sees."""
-    true_grade = int(item[GRADE])
-    lean = camera.tilt_sigma_rad[true_grade // 2]
-    lean_x = item[TILT] * math.cos(item[AZIMUTH]) + lean * z[4]
-    lean_y = item[TILT] * math.sin(item[AZIMUTH]) + lean * z[5]
-    length = 1.0 + camera.length_sigma * z[6]
-    report[ARRIVAL_S] = item[ARRIVAL_S] - (camera.bias_m[0] + camera.sigma_m[0] * z[0]) / stream.speed_m_s
-    report[Y_M] = item[Y_M] + camera.bias_m[1] + camera.sigma_m[1] * z[1]
-    report[Z_M] = item[Z_M] + camera.bias_m[2] + camera.sigma_m[2] * z[2]
-    report[YAW] = item[YAW] + camera.yaw_sigma_rad[true_grade // 2] * z[3]
-    report[TILT] = math.sqrt(lean_x * lean_x + lean_y * lean_y)
-    report[AZIMUTH] = math.atan2(lean_y, lean_x)
-    report[LENGTH_M] = item[LENGTH_M] * length
-    report[WIDTH] = min(item[WIDTH] * (1.0 + camera.length_sigma * z[7]) / length, 1.0)
-    report[THICKNESS] = min(item[THICKNESS] * (1.0 + camera.length_sigma * z[8]) / length, 1.0)
-    report[GRADE] = 0.0
-    for column in range(camera.limits.shape[1]):
-        if u > camera.limits[true_grade, column]:
-            report[GRADE] += 1.0
-
-
-@compiled
-def draw_ghosts(stream: Stream, camera: Camera, draws: Array, reports: Array) -> None:
-    """Reports (G, REPORT) of nothing: a stain on the belt that looks like a small level item."""
-    u = draws[1:].reshape(_GHOST_DRAWS, len(camera.ghosts))
-    for g in range(len(camera.ghosts)):
-        # The number of ghosts is the first whose cumulative probability exceeds the draw.
-        if draws[0] < camera.ghosts[g]:
-            break
-        report = reports[g]
-        report[ARRIVAL_S] = stream.stream_s * u[0, g] - stream.start_s
-        report[Y_M], report[Z_M] = stream.half_width_m * (2.0 * u[1, g] - 1.0), _GHOST_CENTRE_M
-        report[YAW], report[TILT], report[AZIMUTH] = math.pi * (u[2, g] - 0.5), 0.0, 0.0
-        report[LENGTH_M] = camera.ghost_length_m + 0.01 * u[3, g]
-        report[WIDTH], report[THICKNESS] = 0.65 + 0.3 * u[4, g], _GHOST_THICKNESS
-        report[GRADE] = min(math.floor(4.0 * u[5, g]), 3.0)
+def _rows(table: Table) -> Array:
+    """A table's rows (n, columns)."""
+    return np.stack([np.asarray(values, float) for values in table.arrays().values()], axis=-1)

@@ -8,9 +8,10 @@ from ...motion.orientation import axes
 from ...simulation.motion_report import Rest
 from ...simulation.sorter import SorterMachine
 from ..core import Array, Rows
+from .columns import PHASE
 from .core import SorterOutcome, SortingCore
 from .motions import PickMotion, Way
-from .state import CARRY, PICK, SorterPlan
+from .state import PICK, SorterPlan
 
 _REST = Rest(tolerance_m=5e-4, limit_s=0.5, wait_s=0.025)
 
@@ -57,7 +58,7 @@ class PyBulletSorter:
         moved_s = self._finish(motion, closing, held)
         machine.carry(0.0)
         phases = core.phases_of(plan, grip.held).copy()
-        phases[0, CARRY] += moved_s - motion.duration_s(held)
+        phases[0, PHASE.carry] += moved_s - motion.duration_s(held)
         return SorterOutcome(phases, grip)
 
     def close(self) -> None:

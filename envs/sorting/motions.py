@@ -9,8 +9,9 @@ import numpy as np
 from ...motion import QUINTIC
 from ...motion.orientation import LEVEL, euler_angles, slerp
 from ..core import Array
+from .columns import PHASE
 from .config import SortingConfig
-from .state import APPROACH, CARRY, DESCEND, GRIP, SorterPlan
+from .state import SorterPlan
 
 
 class Way(NamedTuple):
@@ -45,8 +46,8 @@ class PickMotion:
         self._stop_s = config.machine.stop_s
         self._speed = config.belt.speed_m_s
         phases = plan.phases_s[row]
-        self.approach_s, self._down_s = float(phases[APPROACH]), float(phases[DESCEND])
-        self._grip_s, self.carry_s = float(phases[GRIP]), float(phases[CARRY])
+        self.approach_s, self._down_s = float(phases[PHASE.approach]), float(phases[PHASE.descend])
+        self._grip_s, self.carry_s = float(phases[PHASE.grip]), float(phases[PHASE.carry])
         self.closing_s = self.approach_s + self._down_s
         self.lifted_s = self.closing_s + self._grip_s + self._down_s
         self._start, self._start_turn = plan.start[row].copy(), plan.start_turn[row].copy()

@@ -7,20 +7,20 @@ import numpy as np
 from ...motion.orientation import euler_angles
 from ...simulation.sorter_limits import first_violation
 from ..core import Array
+from .columns import NUMBER
 from .config import SortingConfig
-from .state import ACROSS_M, DEADLINE_S, HEIGHT_M, LAST_M, TURN, Z_AXIS
 
 
 def explain(config: SortingConfig, number: Array, time_s: float) -> str:
-    """The reason for a report's numbers (columns,) at a time; see ``COLUMNS``."""
-    if np.isfinite(number[LAST_M]):
-        return f"too late by {max(time_s - number[DEADLINE_S], 0.0):.2f} s: it leaves the reach before the lift"
-    tool_axis = number[Z_AXIS : Z_AXIS + 3]
+    """The reason for a report's numbers at a time; see ``columns.Number``."""
+    if np.isfinite(number[NUMBER.last_m]):
+        return f"too late by {max(time_s - number[NUMBER.deadline_s], 0.0):.2f} s: it leaves the reach before the lift"
+    tool_axis = number[NUMBER.z_axis_x : NUMBER.z_axis_x + 3]
     mechanism = config.machine.sorter.mechanism
     pose = np.zeros((2, 6))
-    pose[:, 1] = number[ACROSS_M]
-    pose[:, 2] = number[HEIGHT_M], config.machine.travel_level_m
-    pose[:, 3:] = euler_angles(number[TURN : TURN + 4])
+    pose[:, 1] = number[NUMBER.across_m]
+    pose[:, 2] = number[NUMBER.height_m], config.machine.travel_level_m
+    pose[:, 3:] = euler_angles(number[NUMBER.turn_w : NUMBER.turn_w + 4])
     found = first_violation(mechanism, pose)
     if found is not None:
         return f"out of reach: {found.limit} is exceeded by {-found.margin:.4f}"

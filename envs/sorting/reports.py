@@ -8,70 +8,32 @@ from typing import Any
 import numpy as np
 
 from ...motion import orientation
-from ..compiled import compiled, fill, shortest
+from ..compiled import compiled, fill
 from ..core import Array, Rows
-from .config import GRADES
-from .features import CANDIDATE_FEATURES, LENGTH_SCALE_M, PLACE_SCALE_M, TILT_SCALE_RAD, TURN_SCALE_RAD
-from .field import (
-    ARRIVAL_S,
-    AZIMUTH,
-    GRADE,
-    GRIP_LUCK,
-    LENGTH_M,
-    OF_ITEM,
-    SEEN_S,
-    SLIP_ACROSS_M,
-    SLIP_ALONG_M,
-    THICKNESS,
-    TILT,
-    WAY_LUCK,
-    WIDTH,
-    Y_M,
-    YAW,
-    Z_M,
+from .columns import (
+    CANDIDATE,
+    ITEM,
+    KINDS,
+    LENGTH_SCALE_M,
+    LIMIT,
+    NUMBER,
+    PLACE_SCALE_M,
+    REPORT,
+    TILT_SCALE_RAD,
+    TOTAL,
+    TRUTH,
+    TURN_SCALE_RAD,
 )
 from .process import Fingers, grip_quality, holds, slips
 from .reach import reach_m
-from .state import (
-    ACROSS_M,
-    ASIDE_M2,
-    BIN_M,
-    CARRY_S,
-    DEADLINE_S,
-    DESCEND_S,
-    FIRST_M,
-    FLAT,
-    HEIGHT_M,
-    HOLD_LUCK,
-    HOLD_S,
-    LAST_M,
-    LEAST_S,
-    LEAVE_S,
-    LONG,
-    NARROW,
-    PASSING_S,
-    SHORT,
-    SLIP_LUCK,
-    TIME,
-    TOTAL,
-    TOTAL_VALUE,
-    TRUE_GRADE,
-    TRUE_S,
-    TRUE_Y,
-    TRUE_Z,
-    TURN,
-    X_AXIS,
-    Z_AXIS,
-    Tables,
-    Worlds,
-)
+from .state import Tables, Worlds
+from .timing import hold_s, stroke_s, turn_s
 
 SWING_M = 0.006
 """Kept free at the end of the reach: the way to the bin begins at the belt's speed [assumed, tested]."""
 _REFUSED_LEAVES_M = 0.10
 """What cannot be gripped is shown until it has left the place where others are."""
 _NEVER_S = -1e9
-_GRADE, _WORTH = CANDIDATE_FEATURES.index(GRADES[0]), CANDIDATE_FEATURES.index("value")
 
 turned = compiled(orientation.tilted_parts)
 x_axis, z_axis = compiled(orientation.x_axis), compiled(orientation.z_axis)
@@ -95,12 +57,13 @@ def begin_worlds(tables: Tables, worlds: Worlds, rows: Rows, items: Array) -> No
         end_s = 0.0
         for i in range(items.shape[1] - 1):
             item = items[w, i]
-            worlds.item_free[w, i] = item[ARRIVAL_S] < np.inf
+            worlds.item_free[w, i] = item[ITEM.passing_s] < np.inf
+            fill(worlds.item_truth[w, i], 0.0)
             if worlds.item_free[w, i]:
                 lay_item(tables, item, worlds.item_truth[w, i])
-                totals[TOTAL] += 1.0
-                totals[TOTAL_VALUE] += tables.values[int(item[GRADE])]
-                end_s = max(end_s, item[ARRIVAL_S] + tables.exit_s)
+                totals[TOTAL.items] += 1.0
+                totals[TOTAL.worth] += tables.values[int(item[ITEM.grade])]
+                end_s = max(end_s, item[ITEM.passing_s] + tables.exit_s)
         worlds.end_s[w] = end_s
         fill(worlds.place[w], 0.0)
         fill(worlds.turn[w], 0.0)
@@ -114,15 +77,15 @@ def begin_worlds(tables: Tables, worlds: Worlds, rows: Rows, items: Array) -> No
 @compiled
 def lay_item(tables: Tables, item: Array, truth: Array) -> None:
     """Write the numbers of a true item, as it lies when it is gripped."""
-    truth[TRUE_S] = item[ARRIVAL_S] - item[SLIP_ALONG_M] / tables.speed_m_s
-    truth[TRUE_Y] = item[Y_M] + item[SLIP_ACROSS_M]
-    truth[TRUE_Z] = item[Z_M] - tables.above_m
-    w, x, y, z = turned(item[TILT], item[AZIMUTH], item[YAW])
-    truth[LONG], truth[LONG + 1], truth[LONG + 2] = x_axis(w, x, y, z)
-    truth[SHORT], truth[SHORT + 1], truth[SHORT + 2] = z_axis(w, x, y, z)
-    truth[NARROW], truth[FLAT] = (1.0 - item[WIDTH]) ** 2, (1.0 - item[THICKNESS]) ** 2
-    truth[HOLD_LUCK], truth[SLIP_LUCK] = item[GRIP_LUCK], item[WAY_LUCK]
-    truth[TRUE_GRADE] = item[GRADE]
+    truth[TRUTH.passing_s] = item[ITEM.passing_s] - item[ITEM.slip_along_m] / tables.paces.speed_m_s
+    truth[TRUTH.across_m] = item[ITEM.across_m] + item[ITEM.slip_across_m]
+    truth[TRUTH.up_m] = item[ITEM.up_m] - tables.above_m
+    w, x, y, z = turned(item[ITEM.tilt_rad], item[ITEM.azimuth_rad], item[ITEM.yaw_rad])
+    truth[TRUTH.long_x], truth[TRUTH.long_y], truth[TRUTH.long_z] = x_axis(w, x, y, z)
+    truth[TRUTH.short_x], truth[TRUTH.short_y], truth[TRUTH.short_z] = z_axis(w, x, y, z)
+    truth[TRUTH.narrow], truth[TRUTH.flat] = (1.0 - item[ITEM.width]) ** 2, (1.0 - item[ITEM.thickness]) ** 2
+    truth[TRUTH.grip_luck], truth[TRUTH.way_luck] = item[ITEM.grip_luck], item[ITEM.way_luck]
+    truth[TRUTH.grade] = item[ITEM.grade]
 
 
 @compiled
@@ -130,20 +93,20 @@ def take_reports(tables: Tables, worlds: Worlds, rows: Rows, reports: Array) -> 
     """Add reports (R, M, REPORT) to the worlds ``rows``; what is done or has left makes room, the rest is lost."""
     empty = worlds.leave_s.shape[1] - 1
     for r, w in enumerate(rows):
-        time_s, leave_s, queue = worlds.totals[w, TIME], worlds.leave_s[w], worlds.queue[w]
+        time_s, leave_s, queue = worlds.totals[w, TOTAL.time_s], worlds.leave_s[w], worlds.queue[w]
         count, place = forget(queue, int(worlds.queued[w]), leave_s, time_s), 0
         for m in range(reports.shape[1]):
             report = reports[r, m]
-            if report[ARRIVAL_S] == np.inf:
+            if report[REPORT.passing_s] == np.inf:
                 continue
             while place < empty and time_s < leave_s[place] < np.inf:
                 place += 1
             if place == empty:
                 break
-            number, item = worlds.number[w, place], int(report[OF_ITEM])
+            number, item = worlds.number[w, place], int(report[REPORT.item])
             prepare(tables, report, number, worlds.feature[w, place])
-            leave_s[place], worlds.seen_s[w, place] = number[LEAVE_S], report[SEEN_S]
-            worlds.report_item[w, place], worlds.report_grade[w, place] = item, int(report[GRADE])
+            leave_s[place], worlds.seen_s[w, place] = number[NUMBER.leave_s], report[REPORT.seen_s]
+            worlds.report_item[w, place], worlds.report_grade[w, place] = item, int(report[REPORT.grade])
             held, lost = foresee(tables, number, worlds.item_truth[w, item])
             worlds.report_held[w, place], worlds.report_lost[w, place] = held, lost
             queue_up(queue, count, leave_s, place)
@@ -195,46 +158,53 @@ def show_reports(slots: Rows, queue: Rows, first: int, count: int, leave_s: Arra
 @compiled
 def prepare(tables: Tables, report: Array, number: Array, feature: Array) -> None:
     """Write what follows from a report; one that cannot be gripped has no last x and no deadline."""
-    speed, grade = tables.speed_m_s, int(report[GRADE])
-    yaw_seen, tilt_seen = _wrapped(report[YAW]), report[TILT]
+    paces, speed, grade = tables.paces, tables.paces.speed_m_s, int(report[REPORT.grade])
+    yaw_seen, tilt_seen = _wrapped(report[REPORT.yaw_rad]), report[REPORT.tilt_rad]
     yaw = min(max(yaw_seen, -tables.yaw_limit_rad), tables.yaw_limit_rad)
     tilt = min(tilt_seen, tables.tilt_limit_rad)
-    qw, qx, qy, qz = turned(tilt, report[AZIMUTH], yaw)
-    number[TURN], number[TURN + 1], number[TURN + 2], number[TURN + 3] = qw, qx, qy, qz
-    number[X_AXIS], number[X_AXIS + 1], number[X_AXIS + 2] = x_axis(qw, qx, qy, qz)
+    qw, qx, qy, qz = turned(tilt, report[REPORT.azimuth_rad], yaw)
+    number[NUMBER.turn_w], number[NUMBER.turn_x], number[NUMBER.turn_y], number[NUMBER.turn_z] = qw, qx, qy, qz
+    number[NUMBER.x_axis_x], number[NUMBER.x_axis_y], number[NUMBER.x_axis_z] = x_axis(qw, qx, qy, qz)
     tool_x, tool_y, tool_z = z_axis(qw, qx, qy, qz)
-    number[Z_AXIS], number[Z_AXIS + 1], number[Z_AXIS + 2] = tool_x, tool_y, tool_z
-    passing = report[ARRIVAL_S] - tables.tool_m * tool_x / speed
-    y = report[Y_M] + tables.tool_m * tool_y
-    z = min(max(report[Z_M] + tables.tool_m * tool_z - tables.above_m, 0.0), tables.level_m)
-    down = shortest(tables.level_m - z, tables.down_pace, tables.square_pace)
-    hold = 2.0 * down + tables.grip_s
-    reach = reach_m(tables.reach_m, tilt, yaw)
+    number[NUMBER.z_axis_x], number[NUMBER.z_axis_y], number[NUMBER.z_axis_z] = tool_x, tool_y, tool_z
+    passing = report[REPORT.passing_s] - tables.tool_m * tool_x / speed
+    y = report[REPORT.across_m] + tables.tool_m * tool_y
+    z = min(max(report[REPORT.up_m] + tables.tool_m * tool_z - tables.above_m, 0.0), tables.level_m)
+    down = stroke_s(tables.level_m - z, paces.down_pace, paces.square_pace)
+    hold = hold_s(down, paces.grip_s)
+    reach = max(reach_m(tables.reach_m, tilt, yaw), 0.0)
     half = math.sqrt(max(reach * reach - y * y, 0.0))
     last = half - SWING_M - speed * hold
     fits = tilt_seen <= tables.tilt_refused_rad and last > -half
     turn = 2.0 * math.acos(min(qw, 1.0))
-    least = max(shortest(turn, tables.turn_pace, tables.turn_square_pace), tables.shortest_s)
+    least = turn_s(turn, paces.turn_pace, paces.turn_square_pace, paces.shortest_s)
     bin_x, across = tables.bins[grade, 0], tables.bins[grade, 1] - y
     aside = math.sqrt(across * across + bin_x * bin_x)
-    number[PASSING_S], number[ACROSS_M], number[FIRST_M], number[HOLD_S] = passing, y, -half, hold
-    number[LAST_M] = last if fits else -np.inf
-    number[DEADLINE_S] = passing + last / speed if fits else _NEVER_S
-    number[LEAVE_S] = passing + (last if fits else _REFUSED_LEAVES_M) / speed
-    number[LEAST_S], number[ASIDE_M2], number[BIN_M] = least, across * across, bin_x
-    number[CARRY_S] = max(shortest(aside, tables.pace, tables.square_pace), least)
-    number[HEIGHT_M], number[DESCEND_S] = z, down
+    number[NUMBER.passing_s], number[NUMBER.across_m], number[NUMBER.first_m] = passing, y, -half
+    number[NUMBER.hold_s], number[NUMBER.last_m] = hold, last if fits else -np.inf
+    number[NUMBER.deadline_s] = passing + last / speed if fits else _NEVER_S
+    number[NUMBER.leave_s] = passing + (last if fits else _REFUSED_LEAVES_M) / speed
+    number[NUMBER.least_s], number[NUMBER.aside_m2], number[NUMBER.bin_m] = least, across * across, bin_x
+    number[NUMBER.carry_s] = max(stroke_s(aside, paces.pace, paces.square_pace), least)
+    number[NUMBER.height_m], number[NUMBER.descend_s] = z, down
 
-    misfit = ((1.0 - report[WIDTH]) * math.sin(yaw_seen - yaw)) ** 2
-    misfit += ((1.0 - report[THICKNESS]) * math.sin(tilt_seen - tilt)) ** 2
-    feature[0], feature[1], feature[2] = 1.0, 0.0, y / PLACE_SCALE_M
-    feature[3], feature[4] = math.cos(2.0 * yaw_seen), math.sin(2.0 * yaw_seen)
-    feature[5], feature[6] = tilt_seen / TILT_SCALE_RAD, turn / TURN_SCALE_RAD
-    feature[7] = report[LENGTH_M] / LENGTH_SCALE_M
-    for other in range(len(tables.values)):
-        feature[_GRADE + other] = 1.0 if other == grade else 0.0
-    feature[_WORTH] = tables.values[grade]
-    feature[_WORTH + 1] = tables.fingers.best * grip_quality(tables.fingers, 0.0, 0.0, 0.0, misfit)
+    misfit = ((1.0 - report[REPORT.width]) * math.sin(yaw_seen - yaw)) ** 2
+    misfit += ((1.0 - report[REPORT.thickness]) * math.sin(tilt_seen - tilt)) ** 2
+    quality = grip_quality(tables.fingers, 0.0, 0.0, 0.0, misfit)
+    feature[CANDIDATE.present] = 1.0
+    feature[CANDIDATE.across] = shown(y / PLACE_SCALE_M)
+    feature[CANDIDATE.cos_2yaw], feature[CANDIDATE.sin_2yaw] = math.cos(2.0 * yaw_seen), math.sin(2.0 * yaw_seen)
+    feature[CANDIDATE.tilt], feature[CANDIDATE.turn] = shown(tilt_seen / TILT_SCALE_RAD), turn / TURN_SCALE_RAD
+    feature[CANDIDATE.length] = shown(report[REPORT.length_m] / LENGTH_SCALE_M)
+    for other in range(KINDS):
+        feature[CANDIDATE.ware + other] = 1.0 if other == grade else 0.0
+    feature[CANDIDATE.value], feature[CANDIDATE.quality] = tables.values[grade], tables.fingers.best * quality
+
+
+@compiled
+def shown(feature: float) -> float:
+    """A feature as policies are shown it: within ``LIMIT``."""
+    return min(max(feature, -LIMIT), LIMIT)
 
 
 @compiled
@@ -242,10 +212,11 @@ def foresee(tables: Tables, number: Array, truth: Array) -> tuple[bool, bool]:
     """``fate`` with the tool where a report says, whenever that is: the belt's speed cancels out."""
     return fate(
         tables.fingers,
-        tables.speed_m_s * (truth[TRUE_S] - number[PASSING_S]) - tables.tool_m * number[Z_AXIS],
-        number[ACROSS_M] - tables.tool_m * number[Z_AXIS + 1] - truth[TRUE_Y],
-        number[HEIGHT_M] - tables.tool_m * number[Z_AXIS + 2] - truth[TRUE_Z],
-        number[X_AXIS : X_AXIS + 6],
+        tables.paces.speed_m_s * (truth[TRUTH.passing_s] - number[NUMBER.passing_s])
+        - tables.tool_m * number[NUMBER.z_axis_x],
+        number[NUMBER.across_m] - tables.tool_m * number[NUMBER.z_axis_y] - truth[TRUTH.across_m],
+        number[NUMBER.height_m] - tables.tool_m * number[NUMBER.z_axis_z] - truth[TRUTH.up_m],
+        number[NUMBER.x_axis_x : NUMBER.x_axis_x + 6],
         truth,
     )
 
@@ -262,10 +233,10 @@ def fate(
         across_m: see ``along_m``.
         up_m: see ``along_m``.
         axes: (6,), the tool's x and z axes.
-        truth: (TRUTHS,), the item's numbers.
+        truth: (``Truth``), the item's numbers.
     """
-    long = axes[0] * truth[LONG] + axes[1] * truth[LONG + 1] + axes[2] * truth[LONG + 2]
-    short = axes[3] * truth[SHORT] + axes[4] * truth[SHORT + 1] + axes[5] * truth[SHORT + 2]
-    misfit = (1.0 - long * long) * truth[NARROW] + (1.0 - short * short) * truth[FLAT]
+    long = axes[0] * truth[TRUTH.long_x] + axes[1] * truth[TRUTH.long_y] + axes[2] * truth[TRUTH.long_z]
+    short = axes[3] * truth[TRUTH.short_x] + axes[4] * truth[TRUTH.short_y] + axes[5] * truth[TRUTH.short_z]
+    misfit = (1.0 - long * long) * truth[TRUTH.narrow] + (1.0 - short * short) * truth[TRUTH.flat]
     quality = grip_quality(fingers, along_m, across_m, up_m, misfit)
-    return holds(fingers, quality, truth[HOLD_LUCK]), slips(fingers, quality, truth[SLIP_LUCK])
+    return holds(fingers, quality, truth[TRUTH.grip_luck]), slips(fingers, quality, truth[TRUTH.way_luck])

@@ -1,4 +1,4 @@
-"""The sorting rules, one world after the other, as machine code; ``task`` prepares what they work on."""
+"""The sorting rules, one world after the other, as machine code; ``state`` says what they work on."""
 
 from __future__ import annotations
 
@@ -7,109 +7,41 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled, copy, fill, shortest
+from ..compiled import compiled, copy, fill
 from ..core import Array, StepResult
-from .features import (
-    CANDIDATE_FEATURES,
+from .columns import (
+    CANDIDATE,
     CYCLE_SCALE_S,
-    MACHINE_FEATURES,
+    MACHINE,
+    NUMBER,
+    PHASE,
     PLACE_SCALE_M,
-    WAIT_SCALE_S,
-)
-from .reports import fate, show_reports
-from .state import (
-    ACROSS_M,
-    APPROACH,
-    ASIDE_M2,
-    BIN_M,
-    CARRY,
-    CARRY_S,
-    DEADLINE_S,
-    DESCEND,
-    DESCEND_S,
-    DROPPED,
-    FIRST_M,
-    GRIP,
-    HEIGHT_M,
-    HOLD_S,
-    ILLEGAL,
-    LAST,
-    LAST_M,
-    LEAST_S,
-    LIFT,
-    MISPLACED,
-    NOTHING,
-    PASSING_S,
-    PHASES,
-    PICK,
-    PICKS,
-    PLACED,
-    RELEASE,
-    STAND,
-    TIME,
+    REWARD,
+    SCORE,
     TOTAL,
-    TOTAL_VALUE,
-    TRUE_GRADE,
-    TRUE_S,
-    TRUE_Y,
-    TRUE_Z,
-    TURN,
-    VALUE,
-    WAIT,
-    WASTED,
-    X_AXIS,
+    TRUTH,
+    WAIT_SCALE_S,
     Candidate,
-    Grip,
-    SorterPlan,
-    Tables,
-    Worlds,
+    Machine,
+    Phases,
+    Rewards,
+    Scores,
 )
+from .reports import fate, show_reports, shown
+from .state import NOTHING, PICK, WAIT, Grip, SorterPlan, Tables, Worlds
+from .timing import look, turn_s
 
-_GUESS_S = 0.15
-"""First guess at how much longer an approach takes than turning alone."""
-_ALONG, _APPROACH = CANDIDATE_FEATURES.index("along"), CANDIDATE_FEATURES.index("approach")
-_MACHINE, _FEATURES = len(MACHINE_FEATURES), len(CANDIDATE_FEATURES)
-_PHASES = 7
-SCORES = 21
-
-
-@compiled
-def move_s(tables: Tables, along_m: float, across_m2: float, least_s: float) -> float:
-    """Seconds of a horizontal motion under the speed and acceleration limits, at least ``least_s``."""
-    return max(shortest(math.sqrt(along_m * along_m + across_m2), tables.pace, tables.square_pace), least_s)
+_MACHINE, _FEATURES = len(Machine._fields), len(Candidate._fields)
+_PHASES, _REWARDS, _SCORES = len(Phases._fields), len(Rewards._fields), len(Scores._fields)
 
 
 @compiled
-def turning_s(tables: Tables, turn: Array, number: Array) -> float:
+def turning_s(turn: Array, number: Array, turn_pace: float, turn_square_pace: float, shortest_s: float) -> float:
     """Seconds that turning the platform from ``turn`` to a report's grip takes at least."""
     cosine = 0.0
     for part in range(4):
-        cosine += number[TURN + part] * turn[part]
-    angle = 2.0 * math.acos(min(abs(cosine), 1.0))
-    return max(shortest(angle, tables.turn_pace, tables.turn_square_pace), tables.shortest_s)
-
-
-@compiled
-def look(tables: Tables, number: Array, time_s: float, place: Array, turn: Array, level: bool) -> Candidate:
-    """See a report from a time and a platform's place and turn."""
-    v = tables.speed_m_s
-    # From level a turn takes what it takes back to level: that is known since the report came.
-    least = number[LEAST_S] if level else turning_s(tables, turn, number)
-    x_now = (time_s - number[PASSING_S]) * v
-    across = number[ACROSS_M] - place[1]
-    # The item moves on while the tool comes: the time is a fixed point. The belt is slow against the tool, so that
-    # two rounds bring it to 0.1 % of the distance.
-    approach = least + _GUESS_S
-    for _ in range(2):
-        follow = v * approach
-        ahead = max(x_now + follow, number[FIRST_M]) - place[0]
-        approach = move_s(tables, ahead - 0.5 * follow, across * across, least)
-    meet = max(x_now + v * approach, number[FIRST_M])
-    wait = max((meet - x_now) / v - approach, 0.0)
-    way, carry = number[BIN_M] - meet - v * number[HOLD_S], number[CARRY_S]
-    for _ in range(2):
-        carry = move_s(tables, way - 0.5 * v * carry, number[ASIDE_M2], number[LEAST_S])
-    return Candidate(meet, wait, approach, carry, meet <= number[LAST_M])
+        cosine += number[NUMBER.turn_w + part] * turn[part]
+    return turn_s(2.0 * math.acos(min(abs(cosine), 1.0)), turn_pace, turn_square_pace, shortest_s)
 
 
 @compiled
@@ -121,28 +53,35 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> S
     start, start_turn = worlds.place.copy(), worlds.turn.copy()
     meet, bins, turn = worlds.place.copy(), worlds.place.copy(), worlds.turn.copy()
     grip, axes, phases_s = np.empty((n, 3)), np.zeros((n, 6)), np.zeros((n, _PHASES))
+    paces, speed = tables.paces, tables.paces.speed_m_s
     for w in range(n):
         slot[w] = min(actions[w], slots - 1)
         report = worlds.slot_report[w, slot[w]]
         number = worlds.number[w, report]
-        seen = look(tables, number, worlds.totals[w, TIME], start[w], start_turn[w], worlds.level[w])
+        # From level a turn takes what it takes back to level: that is known since the report came.
+        least = number[NUMBER.least_s]
+        if not worlds.level[w]:
+            least = turning_s(start_turn[w], number, paces.turn_pace, paces.turn_square_pace, paces.shortest_s)
+        time_s = worlds.totals[w, TOTAL.time_s]
+        seen = look(speed, paces.pace, paces.square_pace, number, time_s, start[w, 0], start[w, 1], least)
         kind = WAIT if actions[w] == slots else (PICK if seen.possible and report != empty else NOTHING)
         kinds[w] = kind
         if kind != PICK:
             reports[w], grades[w] = empty, worlds.report_grade[w, empty]
             grip[w, 0], grip[w, 1], grip[w, 2] = start[w, 0], start[w, 1], tables.level_m
-            phases_s[w, STAND] = tables.rest_s[kind]
+            phases_s[w, PHASE.wait] = tables.rest_s[kind]
             continue
         reports[w], grades[w] = report, worlds.report_grade[w, report]
-        meet[w, 0], meet[w, 1] = seen.meet_m, number[ACROSS_M]
-        grip[w, 0] = seen.meet_m + tables.speed_m_s * number[DESCEND_S]
-        grip[w, 1], grip[w, 2] = number[ACROSS_M], number[HEIGHT_M]
-        copy(number[TURN:], turn[w])
-        copy(number[X_AXIS:], axes[w])
+        meet[w, 0], meet[w, 1] = seen.meet_m, number[NUMBER.across_m]
+        grip[w, 0] = seen.meet_m + speed * number[NUMBER.descend_s]
+        grip[w, 1], grip[w, 2] = number[NUMBER.across_m], number[NUMBER.height_m]
+        copy(number[NUMBER.turn_w :], turn[w])
+        copy(number[NUMBER.x_axis_x :], axes[w])
         copy(tables.bins[grades[w]], bins[w])
-        phases_s[w, STAND], phases_s[w, APPROACH] = seen.wait_s, seen.approach_s
-        phases_s[w, DESCEND], phases_s[w, LIFT] = number[DESCEND_S], number[DESCEND_S]
-        phases_s[w, GRIP], phases_s[w, CARRY], phases_s[w, RELEASE] = tables.grip_s, seen.carry_s, tables.release_s
+        phases_s[w, PHASE.wait], phases_s[w, PHASE.approach] = seen.wait_s, seen.approach_s
+        phases_s[w, PHASE.descend], phases_s[w, PHASE.lift] = number[NUMBER.descend_s], number[NUMBER.descend_s]
+        phases_s[w, PHASE.grip], phases_s[w, PHASE.carry] = paces.grip_s, seen.carry_s
+        phases_s[w, PHASE.release] = paces.release_s
     return SorterPlan(kinds, slot, reports, grades, start, start_turn, meet, grip, turn, axes, bins, phases_s)
 
 
@@ -154,12 +93,12 @@ def grip_worlds(tables: Tables, worlds: Worlds, plan: SorterPlan, position: Arra
     for w in range(n):
         item = worlds.report_item[w, plan.report[w]]
         truth, phases = worlds.item_truth[w, item], plan.phases_s[w]
-        closing_s = worlds.totals[w, TIME] + phases[STAND] + phases[APPROACH] + phases[DESCEND]
+        closing_s = worlds.totals[w, TOTAL.time_s] + phases[PHASE.wait] + phases[PHASE.approach] + phases[PHASE.descend]
         held[w], lost[w] = fate(
             tables.fingers,
-            position[w, 0] - tables.tool_m * axes[w, 3] - tables.speed_m_s * (closing_s - truth[TRUE_S]),
-            position[w, 1] - tables.tool_m * axes[w, 4] - truth[TRUE_Y],
-            position[w, 2] - tables.tool_m * axes[w, 5] - truth[TRUE_Z],
+            position[w, 0] - tables.tool_m * axes[w, 3] - tables.paces.speed_m_s * (closing_s - truth[TRUTH.passing_s]),
+            position[w, 1] - tables.tool_m * axes[w, 4] - truth[TRUTH.across_m],
+            position[w, 2] - tables.tool_m * axes[w, 5] - truth[TRUTH.up_m],
             axes[w],
             truth,
         )
@@ -185,7 +124,7 @@ def end_phases(plan: SorterPlan, held: NDArray[np.bool_], stop_s: float) -> Arra
     phases_s = plan.phases_s.copy()
     for w in range(len(held)):
         if plan.kind[w] == PICK and not held[w]:
-            phases_s[w, CARRY], phases_s[w, RELEASE] = stop_s, 0.0
+            phases_s[w, PHASE.carry], phases_s[w, PHASE.release] = stop_s, 0.0
     return phases_s
 
 
@@ -193,37 +132,37 @@ def end_phases(plan: SorterPlan, held: NDArray[np.bool_], stop_s: float) -> Arra
 def apply_worlds(tables: Tables, worlds: Worlds, plan: SorterPlan, grip: Grip, phases_s: Array) -> StepResult:
     """Book the item and the time, and move to the next decision."""
     n = len(plan.kind)
-    rewards, terminated, truncated = np.zeros((n, 4)), np.empty(n, np.bool_), np.empty(n, np.bool_)
+    rewards, terminated, truncated = np.zeros((n, _REWARDS)), np.empty(n, np.bool_), np.empty(n, np.bool_)
     for w in range(n):
         totals, elapsed = worlds.totals[w], 0.0
         for phase in range(_PHASES):
             elapsed += phases_s[w, phase]
-            totals[PHASES + phase] += phases_s[w, phase]
-        totals[TIME] += elapsed
+            totals[TOTAL.wait_s + phase] += phases_s[w, phase]
+        totals[TOTAL.time_s] += elapsed
         kind, report = plan.kind[w], plan.report[w]
         if kind == PICK:
             worlds.leave_s[w, report] = -np.inf
             item = worlds.report_item[w, report]
             if grip.held[w]:
                 worlds.item_free[w, item] = False
-                grade = int(worlds.item_truth[w, item, TRUE_GRADE])
+                grade = int(worlds.item_truth[w, item, TRUTH.grade])
                 put_down(tables, grade, plan.grade[w], grip.lost[w], totals, rewards[w])
                 copy(plan.bin[w], worlds.place[w])
                 fill(worlds.turn[w], 0.0)
                 worlds.turn[w, 0], worlds.level[w] = 1.0, True
             else:
-                totals[WASTED] += 1.0
-                rewards[w, 3] = tables.weights[3]
+                totals[TOTAL.wasted] += 1.0
+                rewards[w, REWARD.wasted] = tables.weights[REWARD.wasted]
                 # The platform rests over the belt, turned as it was.
                 phases = plan.phases_s[w]
-                follow_s = phases[DESCEND] + phases[GRIP] + phases[LIFT] + 0.5 * tables.stop_s
-                worlds.place[w, 0] = plan.meet[w, 0] + tables.speed_m_s * follow_s
+                follow_s = phases[PHASE.descend] + phases[PHASE.grip] + phases[PHASE.lift] + 0.5 * tables.paces.stop_s
+                worlds.place[w, 0] = plan.meet[w, 0] + tables.paces.speed_m_s * follow_s
                 worlds.place[w, 1] = plan.meet[w, 1]
                 copy(plan.turn[w], worlds.turn[w])
                 worlds.level[w] = False
         elif kind == NOTHING:
-            totals[ILLEGAL] += 1.0
-        time_s = totals[TIME]
+            totals[TOTAL.illegal] += 1.0
+        time_s = totals[TOTAL.time_s]
         terminated[w] = time_s >= worlds.end_s[w]
         truncated[w] = time_s >= tables.time_limit_s and not terminated[w]
         worlds.first[w] = show_reports(
@@ -242,18 +181,18 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: SorterPlan, grip: Grip, p
 def put_down(tables: Tables, grade: int, reported: int, lost: bool, totals: Array, rewards: Array) -> None:
     """Book an item that was lifted: its true grade, the grade of its bin, and whether it fell on the way."""
     if lost:
-        totals[DROPPED] += 1.0
-        rewards[2] = tables.weights[2]
+        totals[TOTAL.dropped] += 1.0
+        rewards[REWARD.dropped] = tables.weights[REWARD.dropped]
         return
-    totals[LAST] = totals[TIME]
-    totals[PICKS] += 1.0
+    totals[TOTAL.last_s] = totals[TOTAL.time_s]
+    totals[TOTAL.picks] += 1.0
     if grade == reported:
-        totals[PLACED] += 1.0
-        totals[VALUE] += tables.values[grade]
-        rewards[0] = tables.values[grade] * tables.weights[0]
+        totals[TOTAL.placed] += 1.0
+        totals[TOTAL.value] += tables.values[grade]
+        rewards[REWARD.placed] = tables.values[grade] * tables.weights[REWARD.placed]
     else:
-        totals[MISPLACED] += 1.0
-        rewards[1] = tables.weights[1]
+        totals[TOTAL.misplaced] += 1.0
+        rewards[REWARD.misplaced] = tables.weights[REWARD.misplaced]
 
 
 @compiled
@@ -263,53 +202,58 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
     machine = np.empty((n, _MACHINE), np.float32)
     candidates = np.zeros((n, slots * _FEATURES), np.float32)
     mask = np.zeros((n, slots + 1), np.int8)
+    paces, speed = tables.paces, tables.paces.speed_m_s
     for w in range(n):
-        time_s, shown = worlds.totals[w, TIME], 0
+        time_s, taken = worlds.totals[w, TOTAL.time_s], 0
+        x, y, level = worlds.place[w, 0], worlds.place[w, 1], worlds.level[w]
         for k in range(slots):
             report = worlds.slot_report[w, k]
             if report == empty:
                 break
-            shown += 1
+            taken += 1
             number = worlds.number[w, report]
-            seen = look(tables, number, time_s, worlds.place[w], worlds.turn[w], worlds.level[w])
+            least = number[NUMBER.least_s]
+            if not level:
+                least = turning_s(worlds.turn[w], number, paces.turn_pace, paces.turn_square_pace, paces.shortest_s)
+            seen = look(speed, paces.pace, paces.square_pace, number, time_s, x, y, least)
             feature = candidates[w, k * _FEATURES : (k + 1) * _FEATURES]
             copy(worlds.feature[w, report], feature)
-            cycle = seen.approach_s + seen.wait_s + seen.carry_s + number[HOLD_S] + tables.release_s
-            slack = max(number[DEADLINE_S] - time_s - seen.approach_s, -WAIT_SCALE_S)
-            feature[_ALONG] = (time_s - number[PASSING_S]) * tables.speed_m_s / PLACE_SCALE_M
-            feature[_APPROACH] = seen.approach_s
-            feature[_APPROACH + 1] = seen.wait_s / WAIT_SCALE_S
-            feature[_APPROACH + 2] = cycle / CYCLE_SCALE_S
-            feature[_APPROACH + 3] = slack / WAIT_SCALE_S
-            feature[_APPROACH + 4] = seen.possible
+            cycle = seen.approach_s + seen.wait_s + seen.carry_s + number[NUMBER.hold_s] + paces.release_s
+            slack = max(number[NUMBER.deadline_s] - time_s - seen.approach_s, -WAIT_SCALE_S)
+            feature[CANDIDATE.along] = shown((time_s - number[NUMBER.passing_s]) * speed / PLACE_SCALE_M)
+            feature[CANDIDATE.approach] = shown(seen.approach_s)
+            feature[CANDIDATE.wait] = shown(seen.wait_s / WAIT_SCALE_S)
+            feature[CANDIDATE.cycle] = shown(cycle / CYCLE_SCALE_S)
+            feature[CANDIDATE.slack] = shown(slack / WAIT_SCALE_S)
+            feature[CANDIDATE.possible] = seen.possible
             mask[w, k] = seen.possible
         mask[w, slots] = 1
-        machine[w, 0], machine[w, 1] = worlds.place[w, 0] / PLACE_SCALE_M, worlds.place[w, 1] / PLACE_SCALE_M
-        machine[w, 2] = math.sqrt(max(1.0 - worlds.turn[w, 0] * worlds.turn[w, 0], 0.0))
-        machine[w, 3], machine[w, 4] = time_s / tables.time_limit_s, shown / slots
+        machine[w, MACHINE.x], machine[w, MACHINE.y] = shown(x / PLACE_SCALE_M), shown(y / PLACE_SCALE_M)
+        machine[w, MACHINE.turned] = math.sqrt(max(1.0 - worlds.turn[w, 0] * worlds.turn[w, 0], 0.0))
+        machine[w, MACHINE.time] = shown(time_s / tables.time_limit_s)
+        machine[w, MACHINE.in_view] = taken / slots
     return machine, candidates, mask
 
 
 @compiled
 def score_worlds(totals: Array) -> Array:
-    """Scorecard so far (B, SCORES): the net rate's denominator is every item of the stream."""
-    result = np.empty((len(totals), SCORES))
+    """Scorecard so far (B, ``Scores``): the net rate's denominator is every item of the stream."""
+    result = np.empty((len(totals), _SCORES))
     for w in range(len(totals)):
-        t = totals[w]
-        per_minute = 60.0 / max(t[TIME], 1e-9)
-        result[w, 0] = t[PLACED] / max(t[TOTAL], 1.0)
-        result[w, 1] = t[LAST] / max(t[PICKS], 1.0)
-        result[w, 2] = t[PLACED] * per_minute
-        result[w, 3] = t[TIME]
-        result[w, 4] = t[PLACED]
-        result[w, 5] = t[TOTAL] - t[PICKS] - t[DROPPED]
-        result[w, 6] = t[DROPPED]
-        result[w, 7] = t[ILLEGAL]
-        copy(t[PHASES:], result[w, 8 : 8 + _PHASES])
-        result[w, 15] = t[VALUE] / max(t[TOTAL_VALUE], 1e-12)
-        result[w, 16] = t[MISPLACED]
-        result[w, 17] = t[DROPPED]
-        result[w, 18] = t[WASTED]
-        result[w, 19] = t[TOTAL]
-        result[w, 20] = t[PICKS] * per_minute
+        t, score = totals[w], result[w]
+        per_minute = 60.0 / max(t[TOTAL.time_s], 1e-9)
+        score[SCORE.net_rate] = t[TOTAL.placed] / max(t[TOTAL.items], 1.0)
+        score[SCORE.cycle_time_s] = t[TOTAL.last_s] / max(t[TOTAL.picks], 1.0)
+        score[SCORE.throughput_per_min] = t[TOTAL.placed] * per_minute
+        score[SCORE.duration_s] = t[TOTAL.time_s]
+        score[SCORE.done] = t[TOTAL.placed]
+        score[SCORE.missed] = t[TOTAL.items] - t[TOTAL.picks] - t[TOTAL.dropped]
+        score[SCORE.damaged] = t[TOTAL.dropped]
+        score[SCORE.illegal] = t[TOTAL.illegal]
+        copy(t[TOTAL.wait_s :], score[SCORE.phase_wait_s : SCORE.phase_wait_s + _PHASES])
+        score[SCORE.value_rate] = t[TOTAL.value] / max(t[TOTAL.worth], 1e-12)
+        score[SCORE.misplaced] = t[TOTAL.misplaced]
+        score[SCORE.wasted] = t[TOTAL.wasted]
+        score[SCORE.total] = t[TOTAL.items]
+        score[SCORE.picks_per_min] = t[TOTAL.picks] * per_minute
     return result

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from ...motion.orientation import LEVEL, conjugate, product, tilted
 from ...perception.frames import Frame
 from ...perception.produce import Belt, Produce, ProduceSettings, detect
+from ..columns import names
 from ..core import Array, StepResult
+from .columns import ITEM, PHASE, REWARD, Report
 from .core import SortingCore
-from .field import ARRIVAL_S, AZIMUTH, FRUIT, GRADE, LENGTH_M, REPORT, SKIN, THICKNESS, TILT, WIDTH, Y_M, YAW, Z_M
+from .drawing import FRUIT
 from .motions import PickMotion, Way
 from .scene import BELT_END_M, BELT_START_M, BIN_HOLDS, OPEN_M, ShownItem, SorterScene, item_colour
-from .state import PICK, RELEASE, SorterPlan
+from .state import PICK, SorterPlan
 
 MATCH_RADIUS_M = 0.025
 """A report farther than this from every item is counted as false."""
@@ -91,25 +93,25 @@ class SorterView:
         self._load_if_new()
         elapsed_s = float(result.phases_s[0].sum())
         began_s = float(core.time_s[0]) - elapsed_s
-        waiting_s = float(result.phases_s[0, 0])
+        waiting_s = float(result.phases_s[0, PHASE.wait])
         times = np.arange(0.0, elapsed_s, 1.0 / frames_per_second)
         moving = plan.kind[0] == PICK
-        held = bool(moving and result.phases_s[0, RELEASE] > 0.0)
+        held = bool(moving and result.phases_s[0, PHASE.release] > 0.0)
         item = int(core.state.report_item[0, plan.report[0]]) if held else -1
         at = np.array([[*plan.start[0], self._config.machine.travel_level_m]])
         way = Way(np.repeat(at, len(times), 0), np.repeat(plan.start_turn[:1], len(times), 0))
         gaps, grasp = np.full(len(times), OPEN_M), (np.zeros(3), LEVEL)
         closing_s, falls_s = np.inf, np.inf
-        dropped = held and result.rewards[0, 2] != 0.0
+        dropped = held and result.rewards[0, REWARD.dropped] != 0.0
         if moving:
             motion = PickMotion(self._config, plan)
             way = motion.sample(times - waiting_s, held)
             closing_s = waiting_s + motion.closing_s
-            opens_s, open_s = elapsed_s - float(result.phases_s[0, RELEASE]), elapsed_s
+            opens_s, open_s = elapsed_s - float(result.phases_s[0, PHASE.release]), elapsed_s
             shut_m = _EMPTY_GAP_M
             if held:
                 lies = core.items[0, item]
-                shut_m = 0.5 * lies[LENGTH_M] * lies[WIDTH]
+                shut_m = 0.5 * lies[ITEM.length_m] * lies[ITEM.width]
                 grasp = self._grasp(item, began_s + closing_s, motion.sample(np.array([motion.closing_s]), held))
             else:
                 opens_s = waiting_s + motion.lifted_s
@@ -157,7 +159,7 @@ class SorterView:
         taken = np.flatnonzero(self._free & ~core.state.item_free[0])
         for item in taken.tolist():
             self._free[item] = False
-            self._lay(item, int(core.items[0, item, GRADE]))
+            self._lay(item, int(core.items[0, item, ITEM.grade]))
 
     def _put_in_bin(self, item: int, plan: SorterPlan) -> None:
         self._free[item] = False
@@ -201,47 +203,49 @@ class SorterView:
     def _lies(self, item: int, time_s: float) -> tuple[Array, Array]:
         """World position (3,) and quaternion of an item on the belt."""
         lies = self._core.items[0, item]
-        x = self._config.belt.speed_m_s * (time_s - lies[ARRIVAL_S])
-        position = np.array([x, lies[Y_M], self._config.machine.sorter.belt_height_m + lies[Z_M]])
-        return position, tilted(lies[TILT], lies[AZIMUTH], lies[YAW])
+        x = self._config.belt.speed_m_s * (time_s - lies[ITEM.passing_s])
+        position = np.array([x, lies[ITEM.across_m], self._config.machine.sorter.belt_height_m + lies[ITEM.up_m]])
+        return position, tilted(lies[ITEM.tilt_rad], lies[ITEM.azimuth_rad], lies[ITEM.yaw_rad])
 
     def _items(self, time_s: float, shown: NDArray[np.bool_], but: int = -1) -> list[ShownItem]:
         # What does not exist comes at infinity and never is on the belt.
-        x = self._config.belt.speed_m_s * (time_s - self._core.items[0, :, ARRIVAL_S])
+        x = self._config.belt.speed_m_s * (time_s - self._core.items[0, :, ITEM.passing_s])
         there = shown & (x > BELT_START_M + 0.04) & (x < BELT_END_M - 0.04)
         return [self._shown(int(item), *self._lies(int(item), time_s)) for item in np.flatnonzero(there) if item != but]
 
     def _shown(self, item: int, position: Array, quaternion: Array) -> ShownItem:
         lies = self._core.items[0, item]
-        length, width, thickness, skin = lies[[LENGTH_M, WIDTH, THICKNESS, SKIN]].tolist()
-        fruit = int(lies[GRADE]) // 2 == FRUIT
+        length, width, thickness, skin = lies[[ITEM.length_m, ITEM.width, ITEM.thickness, ITEM.skin]].tolist()
+        fruit = int(lies[ITEM.grade]) // 2 == FRUIT
         axes_m = (round(length, 6), round(length * width, 6), round(length * thickness, 6))
         return ShownItem(item, position, quaternion, axes_m, item_colour(fruit, skin, (0.618 * item) % 1.0))
 
     def _reports(self, seen: Produce, taken_s: float) -> Array:
         belt, height = self._config.belt, self._config.machine.sorter.belt_height_m
-        arrival = taken_s - seen.position[:, 0] / belt.speed_m_s
-        columns = {
-            "arrival_s": arrival,
-            "y_m": seen.position[:, 1],
-            "z_m": seen.position[:, 2] - height,
-            "yaw": seen.yaw,
-            "tilt": seen.tilt,
-            "azimuth": seen.azimuth,
+        passing = taken_s - seen.position[:, 0] / belt.speed_m_s
+        report = {
+            "passing_s": passing,
+            "across_m": seen.position[:, 1],
+            "up_m": seen.position[:, 2] - height,
+            "yaw_rad": seen.yaw,
+            "tilt_rad": seen.tilt,
+            "azimuth_rad": seen.azimuth,
             "length_m": seen.axes_m[:, 0],
             "width": seen.axes_m[:, 1] / seen.axes_m[:, 0],
             "thickness": np.minimum(seen.axes_m[:, 2] / seen.axes_m[:, 0], 1.0),
             "grade": seen.grade,
-            "seen_s": np.full(len(arrival), taken_s + belt.latency_s),
+            "seen_s": np.full(len(passing), taken_s + belt.latency_s),
             "item": self._items_behind(seen, taken_s),
         }
-        return np.stack([columns[name] for name in REPORT], axis=-1)
+        return np.stack([report[name] for name in names(Report)], axis=-1)
 
     def _items_behind(self, seen: Produce, taken_s: float) -> NDArray[np.int64]:
         """Index of the true item nearest to each report, for scoring alone."""
         items = self._core.items[0]
-        place = np.stack([self._config.belt.speed_m_s * (taken_s - items[:, ARRIVAL_S]), items[:, Y_M]], axis=-1)
-        # What does not exist comes at infinity; its place across the belt is what an episode before left there.
+        place = np.stack(
+            [self._config.belt.speed_m_s * (taken_s - items[:, ITEM.passing_s]), items[:, ITEM.across_m]], axis=-1
+        )
+        # What does not exist comes at infinity.
         place[np.isinf(place[:, 0])] = np.inf
         distance = np.linalg.norm(seen.position[:, None, :2] - place[None], axis=-1)
         nearest = distance.argmin(axis=1)

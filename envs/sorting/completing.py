@@ -1,0 +1,126 @@
+"""What a stream that somebody wrote down lacks, and what of it does not fit the machine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import Array
+from ..field import ABSENT, FieldError
+from .config import ProduceConfig, SortingConfig
+from .drawing import FRUIT, Camera, centre_height_m
+from .field import Items, ProduceField, Reports, Sensor
+
+TableT = TypeVar("TableT", Items, Reports)
+
+_SAME_M = 1e-3
+"""Two items this near to each other are one that was written down twice."""
+
+
+def completed(
+    field: ProduceField, config: SortingConfig, camera: Camera, made_by: int, generator: np.random.Generator
+) -> ProduceField:
+    """The field with the values that only the task knows, its reports made by ``made_by``; it may lack reports."""
+    items = _sized(field.items, config.produce)
+    usual = _ripeness(items.grade, config.produce)
+    ripeness = _else(items.ripeness, usual)
+    slips = config.belt.slip_sigma_m * generator.standard_normal((2, len(items)))
+    items = replace(
+        items,
+        ripeness=ripeness,
+        skin=_else(items.skin, ripeness),
+        slip_along_m=_else(items.slip_along_m, slips[0]),
+        slip_across_m=_else(items.slip_across_m, slips[1]),
+    )
+    reports = field.reports
+    if reports is not None:
+        reports = _sized(reports, config.produce)
+        reports = replace(reports, seen_s=_else(reports.seen_s, reports.passing_s + camera.report_s))
+    sensor = field.camera if field.camera is not None else Sensor.empty(1)
+    if len(sensor) != 1:
+        raise FieldError(f"camera has {len(sensor)} rows: give one")
+    seed = np.where(sensor.noise_seed == ABSENT, generator.integers(2**52), sensor.noise_seed)
+    return ProduceField(items, reports, Sensor(seed, np.array([made_by])))
+
+
+def check_fit(field: ProduceField, config: SortingConfig, most_items: int, most_reports: int) -> None:
+    """Refuse what lies beside the belt or comes too late, what stands there twice, and what there is no room for.
+
+    Args:
+        field: complete.
+        config: the task's numbers.
+        most_items: room for items.
+        most_reports: room for reports.
+
+    Raises:
+        FieldError: one line, with the row.
+    """
+    items, belt, scenario = field.items, config.belt, config.scenario
+    if len(items) > most_items:
+        raise FieldError(
+            f"items are {len(items)}: there is room for {most_items}: raise load or stream_s of the scenario"
+        )
+    half = 0.5 * belt.width_m
+    _inside("across_m", items.across_m, -half, half, "m", "on the belt")
+    longest = max(config.produce.tuber_length_m[1], config.produce.fruit_length_m[1])
+    # Where a stream is dense, items wait for each other: none longer than all before it are.
+    latest = max(scenario.time_limit_s, scenario.stream_s + (most_items * longest - belt.start_x_m) / belt.speed_m_s)
+    first = -belt.exit_x_m / belt.speed_m_s
+    _inside("passing_s", items.passing_s, first, latest, "s", "from the belt's end to the end of the episode")
+    order = np.lexsort((items.across_m, items.passing_s))
+    along, across = np.diff(items.passing_s[order]) * belt.speed_m_s, np.diff(items.across_m[order])
+    twice = np.flatnonzero((along < _SAME_M) & (np.abs(across) < _SAME_M))
+    if len(twice):
+        one, other = sorted((int(order[twice[0]]), int(order[twice[0] + 1])))
+        raise FieldError(f"items {other + 1}: at the place of items {one + 1}: leave one of them out")
+    if field.reports is not None:
+        if len(field.reports) > most_reports:
+            raise FieldError(f"reports are {len(field.reports)}: there is room for {most_reports}: leave some out")
+        wrong = np.flatnonzero(field.reports.item >= len(items))
+        if len(wrong):
+            row = int(wrong[0])
+            raise FieldError(
+                f"reports {row + 1}: item = {field.reports.item[row]}: give 0 to {len(items) - 1}, the row of an item"
+            )
+
+
+def _inside(name: str, values: Array, low: float, high: float, unit: str, words: str) -> None:
+    wrong = np.flatnonzero((values < low) | (values > high))
+    if len(wrong):
+        row = int(wrong[0])
+        raise FieldError(f"items {row + 1}: {name} = {values[row]:g} {unit}: give {low:g} to {high:g} {unit}, {words}")
+
+
+def _sized(table: TableT, produce: ProduceConfig) -> TableT:
+    """A table with sizes, and the heights that follow from them."""
+    sizes = np.array([_size(grade, produce) for grade in range(4)])[table.grade].reshape(-1, 3)
+    length, width = _else(table.length_m, sizes[:, 0]), _else(table.width, sizes[:, 1])
+    thickness = _else(table.thickness, sizes[:, 2])
+    shapes = zip(length, width, thickness, table.yaw_rad, table.tilt_rad, table.azimuth_rad, strict=True)
+    height = np.array([centre_height_m(*shape) for shape in shapes])
+    changes: dict[str, Any] = {"length_m": length, "width": width, "thickness": thickness}
+    return replace(table, **changes, up_m=_else(table.up_m, height))
+
+
+def _size(grade: int, produce: ProduceConfig) -> tuple[float, float, float]:
+    """Mean length, width and thickness of a grade."""
+    if grade // 2 == FRUIT:
+        (low, high), width = produce.fruit_length_m, float(np.mean(produce.fruit_width))
+    else:
+        (low, high), width = produce.tuber_length_m, float(np.mean(produce.tuber_width))
+        limit = min(max(produce.ware_from_m, low), high)
+        low, high = (limit, high) if grade == 0 else (low, limit)
+    return 0.5 * (low + high), width, width * float(np.mean(produce.thickness))
+
+
+def _ripeness(grade: NDArray[np.int64], produce: ProduceConfig) -> Array:
+    """Mean ripeness of grades; tubers have none that counts."""
+    return np.array([0.5, 0.5, 0.5 + 0.5 * produce.ripe_from, 0.5 * produce.ripe_from])[grade]
+
+
+def _else(values: Array, others: Any) -> Array:
+    """``values``, and ``others`` where none were given."""
+    return np.where(np.isnan(values), others, values)
