@@ -12,9 +12,9 @@ from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.bounds import belt, sorting
 from fieldgym.envs.core import NominalExecutor
+from fieldgym.envs.sorting.columns import NUMBER
 from fieldgym.envs.sorting.config import SCENARIOS, PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.core import SortingCore
-from fieldgym.envs.sorting.state import PASSING_S
 
 ID = "fieldgym/ProduceSorting-v0"
 SEEDS = range(4)
@@ -91,7 +91,7 @@ def test_a_proven_optimum_can_be_carried_out(seed):
     assert proven and bound.proven and bound.gap == 0.0
     total, left, over = 0.0, order.tolist(), False
     while not over:
-        passing = core.state.number[0, core.state.slot_report[0], PASSING_S]
+        passing = core.state.number[0, core.state.slot_report[0], NUMBER.passing_s]
         wanted = np.flatnonzero(passing == instance.placed.passing_s[left[0]]) if left else np.zeros(0, int)
         core, reward, over = carried_on(core, int(wanted[0]) if len(wanted) else config.slots)
         total += reward
@@ -104,7 +104,7 @@ def test_a_decision_put_off_is_never_done_sooner():
     instance: Any = bounds.instance(ID, 0, scenario="clumped-1.25")
     found = 0
     for j in range(len(instance.placed.gain)):
-        enters = instance.placed.passing_s[j] + instance.placed.first_m[j] / instance.belt.speed_m_s
+        enters = instance.placed.passing_s[j] + instance.placed.first_m[j] / instance.belt.paces.speed_m_s
         for place in range(5):
             times = np.linspace(max(enters - 2.0, 0.0), enters + 6.0, 400)
             done = [belt.finish_s(instance.belt, instance.placed, j, instance.placed.bin[j], place, t) for t in times]

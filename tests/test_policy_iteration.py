@@ -76,7 +76,7 @@ def test_the_features_count_items_and_gain_by_the_time_left():
     policy = some_weights().fitted(env)
     problem, rows = policy.problem(observation), describe_all(policy.problem(observation))
     picks = problem.picks
-    left_s = (picks.last_m - picks.along_m) / picks.speed_m_s
+    left_s = (picks.last_m - picks.along_m) / picks.paces.speed_m_s
     counted = picks.present & (left_s >= 0.25)
     assert counted.sum() > 12 and rows.shape == (6, VALUE) and np.isfinite(rows).all()
     np.testing.assert_allclose(rows[:, :8].sum(axis=1), counted.sum(axis=1))

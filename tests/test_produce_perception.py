@@ -8,9 +8,10 @@ import pytest
 
 from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.sorting import calibration
+from fieldgym.envs.sorting.columns import ITEM, REWARD, TOTAL
 from fieldgym.envs.sorting.config import SCENARIOS, BeltConfig, PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.core import SortingCore
-from fieldgym.envs.sorting.field import ARRIVAL_S, centre_height_m
+from fieldgym.envs.sorting.drawing import centre_height_m
 from fieldgym.envs.sorting.reports import wrapped
 from fieldgym.envs.sorting.scene import OPEN_M, ShownItem, SorterScene, item_colour
 from fieldgym.envs.sorting.view import SorterView, sensor_noise
@@ -88,12 +89,12 @@ def test_every_item_is_reported_once_and_belongs_to_an_image():
     core = SortingCore(SortingConfig(scenario=SCENARIOS["load-1.0"]), None)
     core.reset_rows(np.array([0]), [np.random.default_rng(2)])
     view = SorterView(core)
-    core.state.totals[0, 0] = 20.0
+    core.state.totals[0, TOTAL.time_s] = 20.0
     view.sense()
     speed, belt = core.config.belt.speed_m_s, core.config.belt
     reported = core.state.report_item[0, core.state.queue[0, : core.state.queued[0]]]
     assert len(set(reported.tolist())) == len(reported) and (reported < core.config.scenario.max_items).all()
-    x = speed * (20.0 - core.items[0, :, ARRIVAL_S])
+    x = speed * (20.0 - core.items[0, :, ITEM.passing_s])
     # Everything between the camera's last image and the end of the reach.
     there = np.flatnonzero((x > belt.camera_x_m + 0.16) & (x < 0.10))
     assert set(there.tolist()) <= set(reported.tolist())
@@ -144,7 +145,7 @@ def test_what_is_carried_is_drawn_between_the_fingers_at_any_rate_of_pictures(mo
     for _ in range(12):
         plan = core.plan(np.array([0]))
         result = core.apply(plan, executor.execute(plan))
-        if result.rewards[0, 0] > 0.0:
+        if result.rewards[0, REWARD.placed] > 0.0:
             shown = np.array(list(view.frames(plan, result, frames_per_second)))
             carried += int(shown.any(axis=1).sum())
             # The item lies up to three sigma of the belt's slip beside the place where it is reported.

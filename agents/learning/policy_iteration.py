@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.logger import configure
 
 from ...envs.sorting.columns import CANDIDATE, candidate_table
+from ...envs.task import task
 from ..evaluation import evaluate, mean
 from ..policies.base import Actions, Observation, Policy
 from ..policies.sorting import time_left_s
@@ -28,11 +29,11 @@ from ..policies.value_weights import GAINS, SHAPES, VALUE, ValueWeights
 from ..registry import make_policy
 from .portable import replace_file
 from .runs import BEST, CheckpointError, Progress, Record, Result, first_training_seed
-from .train_settings import TrainSettings
+from .train_settings import TrainSettings, algorithms
 
 Array = NDArray[np.float64]
 
-ENV_ID = "fieldgym/ProduceSorting-v0"
+NAME = "policy-iteration"
 STATE = "state.json"
 _RIDGE = 1.0
 _TRIALS = (-0.06, -0.03, 0.0, 0.03, 0.06)
@@ -66,7 +67,7 @@ def iterate(
     checkpoint ``state.json``; the other files are those of ``training.train``.
 
     Args:
-        env_id: ``fieldgym/ProduceSorting-v0``.
+        env_id: of a task that names this among its ``learners``.
         settings: ``scenario``, ``steps``, ``teacher``, ``episodes``, ``gae_lambda`` (of LSTD), ``depth``, ``width`` and
             ``evaluation_episodes`` count; on a resume only ``steps`` may differ.
         folder: where everything goes.
@@ -76,14 +77,13 @@ def iterate(
 
     Raises:
         CheckpointError: the checkpoint cannot be used.
-        ValueError: another environment, no teacher, or ``seed`` is out of range.
+        ValueError: the task does not name it, no teacher, or ``seed`` is out of range.
     """
-    if env_id != ENV_ID:
-        raise ValueError(
-            f"algo = 'policy-iteration' is made for {ENV_ID}, not for {env_id}: choose maskable-ppo or ppo"
-        )
+    if NAME not in algorithms(task(env_id)):
+        known = " or ".join(algorithms(task(env_id)))
+        raise ValueError(f"algo = {NAME!r} is not made for {env_id}: choose {known}")
     if settings.teacher is None:
-        raise ValueError("algo = 'policy-iteration' needs a teacher: name a scripted policy")
+        raise ValueError(f"algo = {NAME!r} needs a teacher: name a scripted policy")
     first_seed = first_training_seed(seed)
     folder.mkdir(parents=True, exist_ok=True)
     logger = configure(str(folder / "tensorboard"), ["tensorboard"])
@@ -245,7 +245,8 @@ class _Run:
         tried = self.weights["value"][-1] + np.array(_TRIALS)
         scenario = self.settings.scenario
         earned = [
-            mean(evaluate(self.learned(worth).fitted, ENV_ID, seeds, scenario=scenario).returns) for worth in tried
+            mean(evaluate(self.learned(worth).fitted, self.record.env_id, seeds, scenario=scenario).returns)
+            for worth in tried
         ]
         curve = np.polyfit(tried, earned, 2)
         best = -0.5 * curve[1] / curve[0] if curve[0] < 0.0 else tried[int(np.argmax(earned))]

@@ -41,7 +41,7 @@ def completed(
         reports = replace(reports, seen_s=_else(reports.seen_s, reports.passing_s + camera.report_s))
     sensor = field.camera if field.camera is not None else Sensor.empty(1)
     if len(sensor) != 1:
-        raise FieldError(f"camera has {len(sensor)} rows: give one")
+        raise FieldError(f"camera has {len(sensor)} rows: give one, or none")
     seed = np.where(sensor.noise_seed == ABSENT, generator.integers(2**52), sensor.noise_seed)
     return ProduceField(items, reports, Sensor(seed, np.array([made_by])))
 
@@ -60,9 +60,8 @@ def check_fit(field: ProduceField, config: SortingConfig, most_items: int, most_
     """
     items, belt, scenario = field.items, config.belt, config.scenario
     if len(items) > most_items:
-        raise FieldError(
-            f"items are {len(items)}: there is room for {most_items}: raise load or stream_s of the scenario"
-        )
+        more = "raise load or stream_s of the scenario"
+        raise FieldError(f"there are {len(items)} items and room for {most_items}: {more}")
     half = 0.5 * belt.width_m
     _inside("across_m", items.across_m, -half, half, "m", "on the belt")
     longest = max(config.produce.tuber_length_m[1], config.produce.fruit_length_m[1])
@@ -75,23 +74,24 @@ def check_fit(field: ProduceField, config: SortingConfig, most_items: int, most_
     twice = np.flatnonzero((along < _SAME_M) & (np.abs(across) < _SAME_M))
     if len(twice):
         one, other = sorted((int(order[twice[0]]), int(order[twice[0] + 1])))
-        raise FieldError(f"items {other + 1}: at the place of items {one + 1}: leave one of them out")
+        raise FieldError(f"lies where items {one + 1} does: leave one of them out", "items", other, "passing_s")
     if field.reports is not None:
         if len(field.reports) > most_reports:
-            raise FieldError(f"reports are {len(field.reports)}: there is room for {most_reports}: leave some out")
+            problem = f"there are {len(field.reports)} reports and room for {most_reports}: leave some out"
+            raise FieldError(problem)
         wrong = np.flatnonzero(field.reports.item >= len(items))
         if len(wrong):
             row = int(wrong[0])
-            raise FieldError(
-                f"reports {row + 1}: item = {field.reports.item[row]}: give 0 to {len(items) - 1}, the row of an item"
-            )
+            problem = f"item = {field.reports.item[row]}: give 0 to {len(items) - 1}, the row of an item"
+            raise FieldError(problem, "reports", row, "item")
 
 
 def _inside(name: str, values: Array, low: float, high: float, unit: str, words: str) -> None:
     wrong = np.flatnonzero((values < low) | (values > high))
     if len(wrong):
         row = int(wrong[0])
-        raise FieldError(f"items {row + 1}: {name} = {values[row]:g} {unit}: give {low:g} to {high:g} {unit}, {words}")
+        problem = f"{name} = {values[row]:.10g} {unit}: give {low:.4g} to {high:.4g} {unit}, {words}"
+        raise FieldError(problem, "items", row, name)
 
 
 def _sized(table: TableT, produce: ProduceConfig) -> TableT:

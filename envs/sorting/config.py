@@ -176,7 +176,7 @@ class BeltConfig(Config):
     def check(self) -> None:
         """The camera is upstream, and the stream begins before it ends."""
         if not self.camera_x_m + self.camera_step_m < 0.0:
-            self.refuse("camera_x_m", f"its images, one in {self.camera_step_m:g} m, must be upstream of x = 0")
+            self.refuse("camera_x_m", f"give less than -camera_step_m = {-self.camera_step_m:g} m")
         if not self.start_x_m < self.exit_x_m:
             self.refuse("start_x_m", f"give less than exit_x_m = {self.exit_x_m:g} m")
         if self.item_half_width_m > 0.5 * self.width_m:
@@ -204,7 +204,7 @@ class PerceptionModel(Config):
     def check(self) -> None:
         """Rows of shares sum to 1."""
         for row in self.confusion:
-            if abs(sum(row) - 1.0) > 1e-6:
+            if abs(sum(row) - 1.0) > 1e-3:
                 self.refuse("confusion", f"each row must sum to 1, one sums to {sum(row):.6g}")
 
     @classmethod
@@ -309,7 +309,7 @@ class SortingConfig(Config):
         sorter, level_m = self.machine.sorter, self.machine.travel_level_m
         for place, there in zip(self.belt.bins_m, _reaches(sorter.mechanism, level_m, self.belt.bins_m), strict=True):
             if not there:
-                self.refuse("belt.bins_m", f"the machine cannot reach {place} m at its travel level of {level_m:g} m")
+                self.refuse("belt.bins_m", f"the machine cannot reach {place} at {level_m:g} m, its travel level: give others")
 
 
 @lru_cache(maxsize=32)

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore
+from ..core import Array, Rows, StepResult, TaskCore, observation_space
 from ..field import ABSENT
 from .columns import ITEM, LIMIT, TOTAL, Candidate, Item, Machine, Phases, Rewards, Scores
 from .completing import check_fit, completed
@@ -53,13 +53,7 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self.config, self.perception = config, perception
         k, n = config.slots, config.scenario.max_items
         self.action_space = spaces.Discrete(k + 1)
-        self.observation_space = spaces.Dict(
-            {
-                "machine": spaces.Box(-LIMIT, LIMIT, (len(self.machine_features),), np.float32),
-                "candidates": spaces.Box(-LIMIT, LIMIT, (k * len(self.candidate_features),), np.float32),
-                "action_mask": spaces.Box(0, 1, (k + 1,), np.int8),
-            }
-        )
+        self.observation_space = observation_space(self, k, k + 1, LIMIT)
         self.tables = Tables.of(config)
         self._stream, self._camera = Stream.of(config), Camera.of(config, perception or PerceptionModel.perfect())
         # Reports of nothing come on top; a real camera may report an item again.
