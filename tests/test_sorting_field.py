@@ -16,7 +16,7 @@ from fieldgym.envs.sorting.columns import ITEM, Item
 from fieldgym.envs.sorting.config import REFERENCE_CYCLE_S, SCENARIOS, PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.core import SortingCore
 from fieldgym.envs.sorting.drawing import Stream, centre_height_m, delayed_s, draw_items, gap_s
-from fieldgym.envs.sorting.field import CAMERAS, Items, ProduceField, Reports, Sensor
+from fieldgym.envs.sorting.field import Items, ProduceField, Reports, Sensor
 from fieldgym.kernels.config import override
 from fieldgym.motion.orientation import axes, tilted
 
@@ -206,10 +206,9 @@ def test_reports_are_made_by_the_camera_that_is_there():
     made = perfect.complete(seen, np.random.default_rng(1)).reports
     assert made is not None and np.array_equal(made.across_m, seen.items.across_m)
     assert model.complete(seen, np.random.default_rng(2)) == seen
-    told = replace(seen, camera=replace(seen.camera, made_by=[ABSENT]))
+    told = replace(seen, camera=replace(seen.camera, code=[ABSENT]))
     kept = perfect.complete(told, np.random.default_rng(1)).reports
     assert kept is not None and np.array_equal(kept.across_m, seen.reports.across_m)
-    assert CAMERAS[int(perfect.complete(seen, np.random.default_rng(1)).camera.made_by[0])] == "perfect"
 
 
 @pytest.mark.parametrize(

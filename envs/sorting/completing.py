@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core import Array
 from ..field import ABSENT, FieldError
 from .config import ProduceConfig, SortingConfig
-from .drawing import FRUIT, Camera, centre_height_m
+from .drawing import FRUIT, CameraModel, centre_height_m
 from .field import Items, ProduceField, Reports, Sensor
 
 TableT = TypeVar("TableT", Items, Reports)
@@ -21,9 +21,9 @@ _SAME_M = 1e-3
 
 
 def completed(
-    field: ProduceField, config: SortingConfig, camera: Camera, made_by: int, generator: np.random.Generator
+    field: ProduceField, config: SortingConfig, camera: CameraModel, code: int, generator: np.random.Generator
 ) -> ProduceField:
-    """The field with the values that only the task knows, its reports made by ``made_by``; it may lack reports."""
+    """The field with what only the task knows; the reports, if it has any, are those of the camera ``code``."""
     items = _sized(field.items, config.produce)
     usual = _ripeness(items.grade, config.produce)
     ripeness = _else(items.ripeness, usual)
@@ -43,7 +43,7 @@ def completed(
     if len(sensor) != 1:
         raise FieldError(f"camera has {len(sensor)} rows: give one, or none")
     seed = np.where(sensor.noise_seed == ABSENT, generator.integers(2**52), sensor.noise_seed)
-    return ProduceField(items, reports, Sensor(seed, np.array([made_by])))
+    return ProduceField(items, reports, Sensor(seed, np.array([code])))
 
 
 def check_fit(field: ProduceField, config: SortingConfig, most_items: int, most_reports: int) -> None:

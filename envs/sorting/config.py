@@ -309,7 +309,9 @@ class SortingConfig(Config):
         sorter, level_m = self.machine.sorter, self.machine.travel_level_m
         for place, there in zip(self.belt.bins_m, _reaches(sorter.mechanism, level_m, self.belt.bins_m), strict=True):
             if not there:
-                self.refuse("belt.bins_m", f"the machine cannot reach {place} at {level_m:g} m, its travel level: give others")
+                self.refuse(
+                    "belt.bins_m", f"the machine cannot reach {place} at {level_m:g} m, its travel level: give others"
+                )
 
 
 @lru_cache(maxsize=32)

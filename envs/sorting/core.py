@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from ..columns import names
 from ..core import Array, Rows, StepResult, TaskCore, observation_space
-from ..field import ABSENT
+from ..field import ABSENT, Camera
 from .columns import ITEM, LIMIT, TOTAL, Candidate, Item, Machine, Phases, Rewards, Scores
 from .completing import check_fit, completed
 from .config import GRADES, PerceptionModel, SortingConfig
-from .drawing import Camera, Stream, draw_streams, report_streams
-from .field import CAMERAS, ProduceField, Streams, reports_of, stacked, unstacked
+from .drawing import CameraModel, Stream, draw_streams, report_streams
+from .field import ProduceField, Streams, reports_of, stacked, unstacked
 from .reports import begin_worlds, take_reports
 from .rules import apply_worlds, end_phases, foresee_worlds, grip_worlds, observe_worlds, plan_worlds, score_worlds
 from .state import PICK, WAIT, Grip, SorterPlan, Tables, Worlds
@@ -55,7 +55,8 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self.action_space = spaces.Discrete(k + 1)
         self.observation_space = observation_space(self, k, k + 1, LIMIT)
         self.tables = Tables.of(config)
-        self._stream, self._camera = Stream.of(config), Camera.of(config, perception or PerceptionModel.perfect())
+        self._stream, self._camera = Stream.of(config), CameraModel.of(config, perception or PerceptionModel.perfect())
+        self._code = ABSENT if perception is None else int(Camera.of(perception).code[0])
         # Reports of nothing come on top; a real camera may report an item again.
         self._reports = n + len(self._camera.ghosts) if perception else 0
         self.state = Worlds.room(worlds, n, self._reports or 2 * n, k)
@@ -79,7 +80,7 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
 
     def unstack(self, batch: Streams) -> list[ProduceField]:
         """The fields of a batch."""
-        return unstacked(batch, self.seen_by)
+        return unstacked(batch, self._code)
 
     def load(self, rows: Rows, batch: Streams) -> None:
         """Put streams into ``rows``; the belt is full up to the reach, the platform rests in the middle."""
@@ -92,25 +93,16 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
 
     def complete(self, field: Any, generator: np.random.Generator) -> ProduceField:
         """See ``TaskCore.complete``; reports that another camera has made are made anew, without any they are made."""
-        whole, own = super().complete(field, generator), CAMERAS.index(self.seen_by)
-        made_by = ABSENT if whole.camera is None or not len(whole.camera) else whole.camera.made_by[0]
-        if self.perception is None or made_by not in (ABSENT, own):
+        whole = super().complete(field, generator)
+        code = ABSENT if whole.camera is None or not len(whole.camera) else whole.camera.code[0]
+        if self.perception is None or code not in (ABSENT, self._code):
             whole = replace(whole, reports=None)
-        whole = completed(whole, self.config, self._camera, own, generator)
-        last = self.items.shape[1] - 1
+        whole, last = completed(whole, self.config, self._camera, self._code, generator), self.items.shape[1] - 1
         check_fit(whole, self.config, last, self._reports)
         if self.perception is None or whole.reports is not None:
             return whole
-        chance = generator if self.seen_by == "model" else None
-        said = report_streams(self._stream, self._camera, stacked([whole], last, 0).items, chance, self._reports)
+        said = report_streams(self._stream, self._camera, stacked([whole], last, 0).items, generator, self._reports)
         return replace(whole, reports=reports_of(said[0], last))
-
-    @property
-    def seen_by(self) -> str:
-        """What makes the reports, one of ``field.CAMERAS``."""
-        if self.perception is None:
-            return "camera"
-        return "perfect" if self.perception == PerceptionModel.perfect() else "model"
 
     def receive(self, row: int, reports: Array) -> None:
         """Add a camera's reports (n, columns) to one world; those that do not fit in the memory are forgotten.

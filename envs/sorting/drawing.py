@@ -103,7 +103,7 @@ class Stream(NamedTuple):
         )
 
 
-class Camera(NamedTuple):
+class CameraModel(NamedTuple):
     """What reports are drawn from: the perception model in the shape that a kernel takes.
 
     Attributes:
@@ -131,7 +131,7 @@ class Camera(NamedTuple):
     report_s: float
 
     @classmethod
-    def of(cls, config: SortingConfig, perception: PerceptionModel) -> Camera:
+    def of(cls, config: SortingConfig, perception: PerceptionModel) -> CameraModel:
         """The numbers of a configuration."""
         scenario, belt = config.scenario, config.belt
         return cls(
@@ -156,7 +156,7 @@ def false_table(mean: float) -> Array:
 
 
 def draw_streams(
-    stream: Stream, camera: Camera, generators: Sequence[np.random.Generator], items: int, reports: int
+    stream: Stream, camera: CameraModel, generators: Sequence[np.random.Generator], items: int, reports: int
 ) -> Streams:
     """Draw a stream and what the camera reports of it from each generator; the stream's numbers come first.
 
@@ -188,18 +188,13 @@ def draw_streams(
 
 
 def report_streams(
-    stream: Stream, camera: Camera, items: Array, generator: np.random.Generator | None, reports: int
+    stream: Stream, camera: CameraModel, items: Array, generator: np.random.Generator, reports: int
 ) -> Array:
-    """What the camera reports (R, reports, REPORT) of items (R, N + 1, ITEM); without errors where no generator is."""
+    """What the camera reports (R, reports, REPORT) of items (R, N + 1, ITEM) that were not drawn with it."""
     worlds, n = len(items), items.shape[1] - 1
-    # A half is the median of every chance, and a camera without errors makes nothing else of it.
-    seen = np.full((worlds, _SEEN_DRAWS * n + 1 + _GHOST_DRAWS * len(camera.ghosts)), 0.5)
-    errors = np.zeros((worlds, _SEEN_NORMALS * n))
-    if generator is not None:
-        generator.random(out=seen)
-        generator.standard_normal(out=errors)
+    seen = generator.random((worlds, _SEEN_DRAWS * n + 1 + _GHOST_DRAWS * len(camera.ghosts)))
     drawn = np.empty((worlds, reports, len(Report._fields)))
-    draw_reports(stream, camera, items, seen, errors, drawn)
+    draw_reports(stream, camera, items, seen, generator.standard_normal((worlds, _SEEN_NORMALS * n)), drawn)
     return drawn
 
 
@@ -286,7 +281,9 @@ def draw_item(stream: Stream, item: Array, u: Array, z: Array) -> None:
 
 
 @compiled
-def draw_reports(stream: Stream, camera: Camera, items: Array, uniform: Array, normal: Array, reports: Array) -> None:
+def draw_reports(
+    stream: Stream, camera: CameraModel, items: Array, uniform: Array, normal: Array, reports: Array
+) -> None:
     """Write what the statistical camera reports (R, M, REPORT) of items (R, N + 1, ITEM), from blocks of its own."""
     n = normal.shape[1] // _SEEN_NORMALS
     for r in range(len(items)):
@@ -305,7 +302,7 @@ def draw_reports(stream: Stream, camera: Camera, items: Array, uniform: Array, n
 
 
 @compiled
-def draw_report(stream: Stream, camera: Camera, item: Array, u: float, z: Array, report: Array) -> None:
+def draw_report(stream: Stream, camera: CameraModel, item: Array, u: float, z: Array, report: Array) -> None:
     """What the camera says of one item that it sees."""
     true_grade = int(item[ITEM.grade])
     lean = camera.tilt_sigma_rad[true_grade // 2]
@@ -328,7 +325,7 @@ def draw_report(stream: Stream, camera: Camera, item: Array, u: float, z: Array,
 
 
 @compiled
-def draw_ghosts(stream: Stream, camera: Camera, draws: Array, reports: Array) -> None:
+def draw_ghosts(stream: Stream, camera: CameraModel, draws: Array, reports: Array) -> None:
     """Reports (G, REPORT) of nothing: a stain on the belt that looks like a small level item."""
     u = draws[1:].reshape(_GHOST_DRAWS, len(camera.ghosts))
     for g in range(len(camera.ghosts)):

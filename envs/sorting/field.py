@@ -8,16 +8,11 @@ from math import pi
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array
-from ..field import ABSENT, Field, Table, Toy, label, number, whole
+from ..field import ABSENT, Array, Field, Table, Toy, Whole, label, number, whole
 from .columns import REPORT, Item, Report
 from .config import GRADES
-
-CAMERAS = ("camera", "perfect", "model")
-"""What makes reports: rendered pictures (then they are no part of a field), no errors, errors as they were measured."""
 
 _LONGEST_S, _WIDEST_M, _ROUND = 1e5, 1.5, 2.5 * pi
 
@@ -35,7 +30,7 @@ class Items(Table):
     length_m: Array = number("m", 0.005, 0.3, "full length; the mean of its grade", "task")
     width: Array = number("", 0.02, 1.0, "full width / length; the mean of its grade", "task")
     thickness: Array = number("", 0.02, 1.0, "full thickness / length; the mean of its grade", "task")
-    grade: NDArray[np.int64] = label(GRADES, "where it belongs")
+    grade: Whole = label(GRADES, "where it belongs")
     ripeness: Array = number("", 0.0, 1.0, "of a fruit; the mean of its grade", "task")
     skin: Array = number("", 0.0, 1.0, "ripeness that the skin's colour suggests; its own", "task")
     grip_luck: Array = number("", 0.0, 1.0, "luck of the grip: it holds where this is below its quality", "uniform")
@@ -57,17 +52,17 @@ class Reports(Table):
     length_m: Array = number("m", 0.001, 1.0, "full length; the mean of its grade", "task")
     width: Array = number("", 0.001, 1.0, "full width / length; the mean of its grade", "task")
     thickness: Array = number("", 0.001, 1.0, "full thickness / length; the mean of its grade", "task")
-    grade: NDArray[np.int64] = label(GRADES, "which grade is reported")
+    grade: Whole = label(GRADES, "which grade is reported")
     seen_s: Array = number("s", -_LONGEST_S, _LONGEST_S, "when the report arrives; as the camera's place says", "task")
-    item: NDArray[np.int64] = whole(0, 1e6, "row of the item behind it, from 0; none where it is not given", "task")
+    item: Whole = whole(0, 1e6, "row of the item behind it, from 0; none where it is not given", "task")
 
 
 @dataclass(frozen=True, eq=False)
 class Sensor(Table):
     """The camera, one row."""
 
-    noise_seed: NDArray[np.int64] = whole(0, 2.0**53, "of the noise of rendered pictures, drawn", "task")
-    made_by: NDArray[np.int64] = label(CAMERAS, "what the reports were made by; as they are wanted", "task")
+    noise_seed: Whole = whole(0, 2.0**53, "of the noise of rendered pictures, drawn", "task")
+    code: Whole = whole(0, 2**32 - 1, "check sum of what the reports were drawn from; another makes its own", "task")
 
 
 assert tuple(Items.columns()) == names(Item) and tuple(Reports.columns()) == names(Report)
@@ -142,7 +137,7 @@ class Streams(NamedTuple):
 
     items: Array
     reports: Array
-    noise_seed: NDArray[np.int64]
+    noise_seed: Whole
 
 
 def stacked(fields: Sequence[ProduceField], items: int, reports: int) -> Streams:
@@ -163,14 +158,14 @@ def stacked(fields: Sequence[ProduceField], items: int, reports: int) -> Streams
     return streams
 
 
-def unstacked(streams: Streams, made_by: str) -> list[ProduceField]:
-    """The fields of streams whose reports ``made_by`` has made."""
+def unstacked(streams: Streams, code: int) -> list[ProduceField]:
+    """The fields of streams, with the ``code`` of the camera whose reports they are."""
     fields, last = [], streams.items.shape[1] - 1
     for items, said, seed in zip(*streams, strict=True):
         there, reports = items[np.isfinite(items[:, 0])], None
         if len(said):
             reports = reports_of(said, last)
-        sensor = Sensor(np.array([seed]), np.array([CAMERAS.index(made_by)]))
+        sensor = Sensor(np.array([seed]), np.array([code]))
         fields.append(ProduceField(Items(*there.T), reports, sensor))
     return fields
 
