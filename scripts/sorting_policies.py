@@ -37,7 +37,7 @@ def table_of(title: str, found: dict[str, Scores]) -> Table:
     for name in sorted(found, key=lambda name: -found[name].scorecard["net_rate"].mean()):
         card = found[name].scorecard
         items, time_s = card["total"].sum(), card["duration_s"].sum()
-        grips = sum(card[part].sum() for part in ("done", "misplaced", "dropped", "wasted"))
+        grips = sum(card[part].sum() for part in ("done", "misplaced", "damaged", "wasted"))
         table.add_row(
             name,
             words(mean(card["net_rate"]), 1, 100.0),
@@ -45,7 +45,7 @@ def table_of(title: str, found: dict[str, Scores]) -> Table:
             words(mean(card["value_rate"]), 1, 100.0),
             words(mean(card["cycle_time_s"]), 2),
             f"{mean(card['picks_per_min']).value:.1f}",
-            *(f"{100.0 * card[part].sum() / items:.1f}" for part in ("misplaced", "dropped")),
+            *(f"{100.0 * card[part].sum() / items:.1f}" for part in ("misplaced", "damaged")),
             f"{100.0 * card['wasted'].sum() / grips:.1f}",
             f"{100.0 * card['phase_wait_s'].sum() / time_s:.0f}",
         )
