@@ -143,7 +143,12 @@ def scenario_of(spec: TaskSpec, scenario: str | None, sets: Sequence[str]) -> tu
 
 
 def condition_of(
-    env_id: str, scenario: str | None, backend: str, perception: str | None, sets: Sequence[str], fields: Path | None
+    env_id: str,
+    scenario: str | None,
+    backend: str | None,
+    perception: str | None,
+    sets: Sequence[str],
+    fields: Path | None,
 ) -> Condition:
     """What a policy is to meet, every word of it checked.
 
@@ -154,7 +159,7 @@ def condition_of(
     from fieldgym.envs import task
 
     spec = task(env_id)
-    chosen(backend, spec.backends, "backend")
+    backend = chosen(backend or spec.backends[0], spec.backends, "backend")
     seen = chosen(perception or spec.assembly.default_perception(backend), spec.perceptions, "perception")
     name, numbers = scenario_of(spec, scenario, sets)
     return Condition(env_id, name, backend, seen, changes_of(numbers), str(fields or ""))

@@ -48,7 +48,9 @@ def main(
     scenario: Scenario = None,
     sets: Sets = None,
     fields: Fields = None,
-    backend: Annotated[str, typer.Option(help="pybullet moves the machine, analytic computes it.")] = "pybullet",
+    backend: Annotated[
+        str | None, typer.Option(help="pybullet moves the machine, analytic computes it; by default the first it has.")
+    ] = None,
     perception: Annotated[
         str | None, typer.Option(help="perfect, model or camera; by default what suits the backend.")
     ] = None,
