@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from ..envs.transplanting.columns import E, H, L, W
 from ..envs.transplanting.config import EMPTY, HEALTHY, POOR, TransplantingConfig
 from ..envs.transplanting.core import TransplantingCore
-from ..envs.transplanting.motions import Motions
-from ..envs.transplanting.process import damage_chances, loss_chances
+from ..envs.transplanting.timing import CLEARING, STRAIGHT, Places, Times, above
 from .base import METHODS, REPORTS, Bound, state_of
 
 Array = NDArray[np.float64]
@@ -66,7 +66,8 @@ class TrayInstance:
         shares: what a transplant takes.
         longest_s: no decision takes longer.
         rise_s: least time of the tool from a cell to above it.
-        table: every motion's time.
+        places: where the tool can stand.
+        times: how long everything takes.
         config: the task's numbers.
         drawn: whether the cameras' reports are those that were drawn.
     """
@@ -80,7 +81,8 @@ class TrayInstance:
     shares: Shares
     longest_s: float
     rise_s: float
-    table: Motions
+    places: Places
+    times: Times
     config: TransplantingConfig
     drawn: bool
 
@@ -142,9 +144,7 @@ class TrayInstance:
         return rows, second * np.concatenate([[0.0], np.cumsum(self.target_s[:-1])])
 
     def _handle_s(self, count: int) -> Array:
-        process = self.config.process
-        once: float = process.grip_s + process.release_s
-        return once * np.arange(count + 1, dtype=np.float64) + self.shares.once_s
+        return self.times.handle_s * np.arange(count + 1, dtype=np.float64) + self.shares.once_s
 
     def _least_s(self, count: int, again: float = math.inf) -> Array:
         """Seconds (count + 1,) until 0 ... ``count`` plugs are planted; infinite where there are not as many."""
@@ -211,12 +211,11 @@ def carried_out(instance: TrayInstance, planted: int) -> tuple[float, float]:
         instance: what there is.
         planted: transplants to carry out, or as many as the rows allow.
     """
-    config, table = instance.config, instance.table
+    config, times, once = instance.config, instance.times, instance.times.handle_s
     n, m = instance.plug_speed.shape[1], instance.cell.shape[1]
-    direct, cleared = table.approach_s.reshape(2, -1, n, m)
-    carry = table.carry_s.reshape(-1, n, m)
-    once = config.process.grip_s + config.process.release_s
-    place, total_s, spoiled, done, here, there = table.park, 0.0, 0.0, 0, 0, 0
+    approach, carry = times.approach[..., W.s].reshape(2, -1, n, m), times.carry[..., W.s].reshape(-1, n, m)
+    direct, cleared = approach[STRAIGHT], approach[CLEARING]
+    place, total_s, spoiled, done, here, there = instance.places.park, 0.0, 0.0, 0, 0, 0
     plugs, cells = instance.plug_speed.copy(), instance.cell.copy()
     cells[cells == HIDDEN] = SHUT
     while True:
@@ -230,8 +229,8 @@ def carried_out(instance: TrayInstance, planted: int) -> tuple[float, float]:
             total_s, place, done = total_s + float(seconds[a, b]), n + int(j[b]), done + 1
             plugs[here, i[a]], cells[there, j[b]] = USELESS, SHUT
             continue
-        rising = float(table.rise_s[place])
-        place = place + table.cells if rising > 0.0 else place
+        rising = float(times.rise[place, W.s])
+        place = above(times, place)
         if len(j) and done < planted and here + 1 < len(plugs):
             # Every healthy seedling that leaves is one that was not planted.
             spoiled += instance.supply[here] - int((instance.plug_speed[here] != plugs[here]).sum())
@@ -262,67 +261,69 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
     if reports not in REPORTS:
         raise ValueError(f"reports = {reports!r}: choose one of {', '.join(REPORTS)}")
     state, config = state_of(core), core.config
-    if state.place[row] != core.motions.park or state.source_row[row] or state.target_row[row]:
+    if state.place[row] != core.places.park or state.source_row[row] or state.target_row[row]:
         raise ValueError("the episode is under way: an instance is read right after a reset")
-    scenario, table = config.scenario, core.motions
-    rows_s, rows_t = scenario.source_trays * scenario.source.rows, scenario.target_trays * scenario.target.rows
+    (rows_s, n), (rows_t, m), table, chances = (
+        core.source_shape,
+        core.target_shape,
+        core.tables.times,
+        core.tables.chances,
+    )
     source, target = state.source_cells[row, :rows_s], state.target_cells[row, :rows_t]
     luck = state.luck[row, :rows_s]
     speed = np.full(source.shape, USELESS)
-    lose, damage = loss_chances(config.machine, config.process), damage_chances(config.machine, config.process)
-    for index in np.argsort(-table.carry_s.sum(axis=1), kind="stable"):
+    carry_s = np.ascontiguousarray(table.carry[..., W.s])
+    for index in np.argsort(-carry_s.sum(axis=1), kind="stable"):
         good = (
-            (luck[..., 0] < config.process.extraction) & (luck[..., 1] >= lose[index]) & (luck[..., 2] >= damage[index])
+            (luck[..., L.extract] < config.process.extraction)
+            & (luck[..., L.lose] >= chances[index, H.lose])
+            & (luck[..., L.damage] >= chances[index, H.damage])
         )
         speed[good & (source == HEALTHY)] = index
     cell = np.where(target == HEALTHY, SHUT, np.where(target == POOR, BLOCKED, OPEN))
     # The same prices whatever the cameras report: so knowing the reports never makes a bound weaker.
-    prices = shares(table, config, speed, cell)
+    prices = shares(core.places, table, speed, cell)
     if reports != "any":
         speed[state.source_reports[row, :rows_s] == EMPTY] = USELESS
         told = state.target_reports[row, :rows_t]
         cell[told == HEALTHY] = SHUT
         cell[(cell == BLOCKED) & (told == EMPTY)] = HIDDEN
         cell[(cell == OPEN) & (told == POOR)] = BLOCKED
-    ends = [
-        np.where(np.arange(1, trays * tray.rows + 1) % tray.rows, table.index_s[side], table.exchange_s[side])
-        for side, (tray, trays) in enumerate(
-            ((scenario.source, scenario.source_trays), (scenario.target, scenario.target_trays))
-        )
-    ]
-    process = config.process
-    longest = float(table.approach_s.max() + table.carry_s.max()) + 2.0 * (process.grip_s + process.release_s)
+    ends = table.row_s[E.source, :rows_s], table.row_s[E.target, :rows_t]
+    rise_s = table.rise[:, W.s]
+    longest = float(table.approach[..., W.s].max() + carry_s.max()) + 2.0 * table.handle_s
     return TrayInstance(
         plug_speed=speed,
         supply=np.count_nonzero(source == HEALTHY, axis=1).astype(np.float64),
         cell=cell,
         healthy=int(np.count_nonzero(target == HEALTHY)),
-        source_s=ends[0],
-        target_s=ends[1],
+        source_s=ends[E.source],
+        target_s=ends[E.target],
         shares=prices,
-        longest_s=max(longest, float(max(times.max() for times in ends) + table.rise_s.max()), process.illegal_s),
-        rise_s=float(table.rise_s[scenario.source.columns : table.cells].min()),
-        table=table,
+        longest_s=max(longest, float(max(seconds.max() for seconds in ends) + rise_s.max()), table.illegal_s),
+        rise_s=float(rise_s[n : n + m].min()),
+        places=core.places,
+        times=table,
         config=config,
         drawn=reports != "any",
     )
 
 
-def shares(table: Motions, config: TransplantingConfig, plug_speed: Numbers, cell: Numbers) -> Shares:
+def shares(places: Places, times: Times, plug_speed: Numbers, cell: Numbers) -> Shares:
     """Split the times of a configuration for the plugs and cells that there are; valid for any others too."""
     n, m = plug_speed.shape[1], cell.shape[1]
-    sources, targets, park = np.arange(n), n + np.arange(m), table.park
-    process, speeds = config.process, len(table.carry_s)
-    carry = table.carry_s.reshape(speeds, n, m)
-    direct, cleared = table.approach_s.reshape(2, -1, n, m)
-    usual, over = direct.min(axis=2), cleared.transpose(0, 2, 1)
+    sources, targets, park = np.arange(n), n + np.arange(m), places.park
+    speeds, rise_s = len(times.carry), times.rise[:, W.s]
+    carry = times.carry[..., W.s].reshape(speeds, n, m)
+    approach = times.approach[..., W.s].reshape(2, -1, n, m)
+    usual, over = approach[STRAIGHT].min(axis=2), approach[CLEARING].transpose(0, 2, 1)
     # Shortest ways (P, P) over all that decisions do: to a source cell, on to a target, up before a conveyor moves.
-    way = np.full((len(table.x_m),) * 2, np.inf)
+    way = np.full((len(rise_s),) * 2, np.inf)
     np.fill_diagonal(way, 0.0)
     way[:, :n] = np.minimum(way[:, :n], np.minimum(usual, over.min(axis=1)))
     way[:n, n : n + m] = np.minimum(way[:n, n : n + m], carry.min(axis=0))
-    for place in range(table.cells):
-        way[place, place + table.cells] = table.rise_s[place]
+    for place in range(places.cells):
+        way[place, above(times, place)] = rise_s[place]
     for middle in range(len(way)):
         way = np.minimum(way, way[:, middle, None] + way[middle])
 
@@ -333,13 +334,13 @@ def shares(table: Motions, config: TransplantingConfig, plug_speed: Numbers, cel
     back = way[targets][:, :n].T
     fetch, start = dual_prices(back, used.sum(axis=0), open_cells)
     first = float((way[park, :n] - fetch).min())
-    begins = np.concatenate([start, [first], -fetch - process.grip_s])
-    places = np.concatenate([targets, [park], sources])
+    begins = np.concatenate([start, [first], -fetch - times.grip_s])
+    begun = np.concatenate([targets, [park], sources])
     clear = np.empty(m)
     for j in range(m):
-        detour = (way[places][:, :, None] + over[None, :, j, :]).min(axis=1)
-        ways = detour[:, :, None] + way[:n, :n] + process.grip_s * (1.0 - np.eye(n))
-        clear[j] = (ways.min(axis=1) - fetch - begins[:, None]).min() + process.grip_s + process.release_s
+        detour = (way[begun][:, :, None] + over[None, :, j, :]).min(axis=1)
+        ways = detour[:, :, None] + way[:n, :n] + times.grip_s * (1.0 - np.eye(n))
+        clear[j] = (ways.min(axis=1) - fetch - begins[:, None]).min() + times.grip_s + times.release_s
     return Shares(
         plug_s=plug.reshape(speeds, n) + fetch,
         cell_s=end + start,

@@ -9,23 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from ...envs.transplanting.columns import MOVE_SCALE_S, NEXT_SOURCE, NEXT_TARGET, C, H, M, W, candidate_table
 from ...envs.transplanting.config import SPEEDS, TransplantingConfig
-from ...envs.transplanting.features import CANDIDATE_FEATURES, MACHINE_FEATURES, MOVE_SCALE_S, candidate_table
-from ...envs.transplanting.motions import motions
-from ...envs.transplanting.process import damage_chances, loss_chances
+from ...envs.transplanting.process import speed_chances
+from ...envs.transplanting.timing import CLEARING, STRAIGHT, times
 from .base import Actions, ConfiguredPolicy, Observation
 
 Array = NDArray[np.float64]
 
 NORMAL = SPEEDS.index("normal")
-_COLUMN = {name: i for i, name in enumerate(CANDIDATE_FEATURES)}
-_GAPS = MACHINE_FEATURES.index("gaps")
 
 
 def wanted(observation: Observation) -> NDArray[np.bool_]:
     """Pairs (B, K) that are possible and whose source cell is reported to hold a healthy seedling."""
-    return (observation["action_mask"][:, : -2 : len(SPEEDS)] > 0) & (
-        candidate_table(observation)[..., _COLUMN["source_poor"]] == 0.0
+    return (observation["action_mask"][:, : NEXT_SOURCE : len(SPEEDS)] > 0) & (
+        candidate_table(observation)[..., C.source_poor] == 0.0
     )
 
 
@@ -35,11 +33,12 @@ class _Rule(ConfiguredPolicy):
     def __init__(self, config: TransplantingConfig, *, choose_speed: bool = True):
         """Take the machine's times and the plugs' chances from the configuration."""
         scenario, process, weights = config.scenario, config.process, config.weights
-        self._table = motions(config.machine, scenario.source, scenario.target)
+        self._times = times(config)
+        self._carry_s = np.ascontiguousarray(self._times.carry[..., W.s])
         self._n, self._m = scenario.source.columns, scenario.target.columns
         self._choose_speed = choose_speed
-        self._handle_s = process.grip_s + process.release_s
-        arrives = (1.0 - loss_chances(config.machine, process)) * (1.0 - damage_chances(config.machine, process))
+        chances = speed_chances(config.machine, process)
+        arrives = (1.0 - chances[:, H.lose]) * (1.0 - chances[:, H.damage])
         good = process.extraction * arrives
         self._value = weights.planted * good + weights.spoiled * (1.0 - good)
 
@@ -49,8 +48,8 @@ class _Rule(ConfiguredPolicy):
         there = pairs.any(axis=1)
         chosen = np.where(there, self._choose(observation, pairs), 0)
         mask = observation["action_mask"]
-        more = (observation["machine"][:, _GAPS] > 0.0) & (mask[:, -2] > 0)
-        index = mask.shape[1] - np.where(more, 2, 1)
+        more = (observation["machine"][:, M.gaps] > 0.0) & (mask[:, NEXT_SOURCE] > 0)
+        index = mask.shape[1] + np.where(more, NEXT_SOURCE, NEXT_TARGET)
         return np.where(there, chosen * len(SPEEDS) + self._speed(observation, chosen), index)
 
     def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -60,15 +59,15 @@ class _Rule(ConfiguredPolicy):
     def _approach_s(self, observation: Observation) -> Array:
         """Seconds (B, K) until the tool has gripped each pair's plug."""
         table = candidate_table(observation)
-        clearing = self._handle_s * table[..., _COLUMN["clear"]]
-        return table[..., _COLUMN["approach"]].astype(np.float64) * MOVE_SCALE_S + clearing
+        clearing = self._times.handle_s * table[..., C.clear]
+        return table[..., C.approach].astype(np.float64) * MOVE_SCALE_S + clearing
 
     def _speed(self, observation: Observation, pair: NDArray[np.int64]) -> NDArray[np.int64] | int:
         """Speed (B,) with the highest expected value per second of the cycle."""
         if not self._choose_speed:
             return NORMAL
         approach = np.take_along_axis(self._approach_s(observation), pair[:, None], axis=1)
-        seconds = approach + self._handle_s + self._table.carry_s[:, pair].T
+        seconds = approach + self._times.handle_s + self._carry_s[:, pair].T
         return (self._value / seconds).argmax(axis=1)
 
 
@@ -101,7 +100,7 @@ class Nearest(_Rule):
     name = "nearest"
 
     def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
-        carry = self._table.carry_s[NORMAL]
+        carry = self._carry_s[NORMAL]
         key = 1e3 * np.round(self._approach_s(observation), 6) + carry
         return np.where(pairs, key, np.inf).argmin(axis=1)
 
@@ -112,7 +111,7 @@ class ShortestCycle(_Rule):
     name = "shortest-cycle"
 
     def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
-        seconds = self._approach_s(observation) + self._table.carry_s[NORMAL]
+        seconds = self._approach_s(observation) + self._carry_s[NORMAL]
         return np.where(pairs, seconds, np.inf).argmin(axis=1)
 
 
@@ -137,7 +136,7 @@ class _Sequence(_Rule):
 
     def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
         approach = self._approach_s(observation)
-        clear = candidate_table(observation)[..., _COLUMN["clear"]] > 0.0
+        clear = candidate_table(observation)[..., C.clear] > 0.0
         chosen = np.zeros(len(pairs), np.int64)
         for row in np.flatnonzero(pairs.any(axis=1)):
             problem = self._problem(approach[row], clear[row], pairs[row])
@@ -150,14 +149,15 @@ class _Sequence(_Rule):
         raise NotImplementedError
 
     def _problem(self, approach: Array, clear: NDArray[np.bool_], pairs: NDArray[np.bool_]) -> _Problem:
-        n, m, table = self._n, self._m, self._table
+        n, m = self._n, self._m
         grid = pairs.reshape(n, m)
         sources, gaps = np.flatnonzero(grid.any(axis=1)), np.flatnonzero(grid.any(axis=0))
         both = np.ix_(sources, gaps)
-        carry = table.carry_s[NORMAL].reshape(n, m)[both]
+        carry = self._carry_s[NORMAL].reshape(n, m)[both]
         cleared = clear.reshape(n, m)[both][0].astype(np.int64)
-        after = table.approach_s.reshape(2, -1, n, m)[:, n + gaps][:, :, sources][..., gaps]
-        between = np.where(cleared > 0, after[1] + self._handle_s, after[0])
+        approach_s = self._times.approach[..., W.s].reshape(2, -1, n, m)
+        after = approach_s[:, n + gaps][:, :, sources][..., gaps]
+        between = np.where(cleared > 0, after[CLEARING] + self._times.handle_s, after[STRAIGHT])
         return _Problem(sources, gaps, approach.reshape(n, m)[both] + carry, between + carry)
 
 

@@ -9,20 +9,32 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ..core import COMMON_SCORES, Array, Rows, StepResult, TaskCore
+from ..columns import names
+from ..core import Array, Rows, StepResult, TaskCore
+from .columns import (
+    MOVE_SCALE_S,
+    PLACE_SCALE_M,
+    SHOWN,
+    C,
+    Candidate,
+    E,
+    Lucks,
+    M,
+    Machine,
+    Phases,
+    Rewards,
+    Scores,
+    T,
+    Totals,
+    W,
+)
 from .config import EMPTY, HEALTHY, SPEEDS, PerceptionModel, TransplantingConfig
-from .features import CANDIDATE_FEATURES, MACHINE_FEATURES, MOVE_SCALE_S, PLACE_SCALE_M
-from .field import LUCKS, Cells, draw_blocks, draw_field, model_reports, random_numbers
-from .motions import Motions, motions
-from .process import damage_chances, loss_chances
+from .field import Cells, TrayBatch, TrayField, draw_batch, model_reports, shapes, stacked, unstacked, with_every_cell
+from .process import speed_chances
 from .rules import (
-    CELLS,
-    FILLED,
     FINISH,
-    GAPS,
     INDEX_SOURCE,
     INDEX_TARGET,
-    TOTALS,
     Tables,
     TransplantPlan,
     Worlds,
@@ -31,10 +43,11 @@ from .rules import (
     plan_worlds,
     score_worlds,
 )
+from .timing import Places, Times, places, times
 
 
 class TransplantOutcome(NamedTuple):
-    """What happened: ``phases_s`` (B, phases) seconds, ``error_m`` (B, 2) tool errors while it gripped and released."""
+    """What happened: ``phases_s`` (B, 5) seconds, ``error_m`` (B, 2) tool errors at the pair's ends."""
 
     phases_s: Array
     error_m: Array
@@ -53,75 +66,91 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         worlds: number of worlds B.
     """
 
-    reward_names = ("planted", "spoiled", "time")
-    phase_names = ("travel", "carry", "handle", "index", "wait")
+    reward_names = names(Rewards)
+    phase_names = names(Phases)
+    score_names = names(Scores)
+    machine_features = names(Machine)
+    candidate_features = names(Candidate)
+    field_type = TrayField
 
     def __init__(self, config: TransplantingConfig, perception: PerceptionModel | None, worlds: int = 1):
         """Allocate the state."""
         super().__init__(worlds)
         self.config, self.perception = config, perception
         scenario, b, k = config.scenario, worlds, config.scenario.pairs
-        self.source_shape = rows_s, n = scenario.source_trays * scenario.source.rows, scenario.source.columns
-        self.target_shape = rows_t, m = scenario.target_trays * scenario.target.rows, scenario.target.columns
-        self.score_names = (
-            *COMMON_SCORES,
-            *(f"phase_{name}_s" for name in self.phase_names),
-            *("lost", "torn", "wasted", "cleared", "transplants", "travel_m", "healthy", "cells", "gaps", "filled"),
-        )
+        self.source_shape, self.target_shape = (rows_s, n), (rows_t, m) = shapes(scenario)
         self.action_space = spaces.Discrete(len(SPEEDS) * k + 2)
         self.observation_space = spaces.Dict(
             {
-                "machine": spaces.Box(-10.0, 10.0, (len(MACHINE_FEATURES),), np.float32),
-                "candidates": spaces.Box(-10.0, 10.0, (k * len(CANDIDATE_FEATURES),), np.float32),
+                "machine": spaces.Box(-SHOWN, SHOWN, (len(self.machine_features),), np.float32),
+                "candidates": spaces.Box(-SHOWN, SHOWN, (k * len(self.candidate_features),), np.float32),
                 "action_mask": spaces.Box(0, 1, (len(SPEEDS) * k + 2,), np.int8),
             }
         )
-        self.motions = motions(config.machine, scenario.source, scenario.target)
-        self.tables = _tables(config, self.motions, from_outside=perception is None)
-        self._numbers = random_numbers(scenario)
+        self.places = places(config.machine, scenario.source, scenario.target)
+        self.tables = _tables(config, self.places, times(config), from_outside=perception is None)
         self.state = Worlds(
             source_cells=np.zeros((b, rows_s + 1, n), np.int8),
             target_cells=np.zeros((b, rows_t + 1, m), np.int8),
             source_reports=np.zeros((b, rows_s + 1, n), np.int8),
             target_reports=np.zeros((b, rows_t + 1, m), np.int8),
-            luck=np.zeros((b, rows_s + 1, n, len(LUCKS))),
+            luck=np.zeros((b, rows_s + 1, n, len(names(Lucks)))),
             source_row=np.zeros(b, np.int64),
             target_row=np.zeros(b, np.int64),
-            look_due=np.zeros((b, 2), bool),
+            look_due=np.zeros((b, len(E)), bool),
             place=np.zeros(b, np.int64),
-            totals=np.zeros((b, TOTALS)),
+            totals=np.zeros((b, len(names(Totals)))),
         )
         # What a scene makes the seedlings' looks from; the rules never read it.
         self.source_looks = np.zeros((b, rows_s, n))
         self.target_looks = np.zeros((b, rows_t, m))
         self.episode = np.zeros(b, np.int64)
 
-    def draw(self, generators: Sequence[np.random.Generator]) -> Any:
+    def draw(self, generators: Sequence[np.random.Generator]) -> TrayBatch:
         """Draw trays."""
-        return draw_field(self.config.scenario, *draw_blocks(generators, self._numbers))
+        return draw_batch(self.config.scenario, generators)
 
-    def load(self, rows: Rows, batch: Any) -> None:
+    def stack(self, fields: Sequence[TrayField]) -> TrayBatch:
+        """The batch of trays that have every cell."""
+        return stacked(fields, self.source_shape, self.target_shape)
+
+    def unstack(self, batch: TrayBatch) -> list[TrayField]:
+        """The trays of a batch."""
+        return unstacked(batch)
+
+    def complete(self, field: Any, generator: np.random.Generator) -> TrayField:
+        """The trays with every cell: those that are not given are empty; what is missing of luck is drawn.
+
+        Raises:
+            FieldError: a cell lies outside the trays, is given twice, or a value is out of its range.
+        """
+        if isinstance(field, TrayField):
+            field.check()
+            field = with_every_cell(field, self.source_shape, self.target_shape)
+        return super().complete(field, generator)
+
+    def load(self, rows: Rows, batch: TrayBatch) -> None:
         """Put trays into ``rows`` and present the first row of each."""
-        state, field = self.state, batch
-        state.source_cells[rows, :-1], state.target_cells[rows, :-1] = field.source, field.target
+        state = self.state
+        state.source_cells[rows, :-1], state.target_cells[rows, :-1] = batch.source, batch.target
         state.target_cells[rows, -1] = HEALTHY
-        state.luck[rows, :-1] = field.luck
-        self.source_looks[rows], self.target_looks[rows] = field.source_lot, field.target_lot
+        state.luck[rows, :-1] = batch.luck
+        self.source_looks[rows], self.target_looks[rows] = batch.source_lot, batch.target_lot
         if self.perception is None:
             state.source_reports[rows], state.target_reports[rows] = EMPTY, HEALTHY
             state.look_due[rows] = True
         else:
-            seen = model_reports(self.perception, field)
+            seen = model_reports(self.perception, batch)
             state.source_reports[rows, :-1], state.target_reports[rows, :-1] = seen
             state.target_reports[rows, -1] = HEALTHY
         state.source_row[rows], state.target_row[rows] = 0, 0
-        state.place[rows] = self.motions.park
+        state.place[rows] = self.places.park
         self.episode[rows] += 1
         cells = self.target_shape[0] * self.target_shape[1]
-        healthy = np.count_nonzero(field.target == HEALTHY, axis=(1, 2))
+        healthy = np.count_nonzero(batch.target == HEALTHY, axis=(1, 2))
         state.totals[rows] = 0.0
-        state.totals[rows, FILLED], state.totals[rows, CELLS] = healthy, cells
-        state.totals[rows, GAPS] = cells - healthy
+        state.totals[rows, T.healthy], state.totals[rows, T.cells] = healthy, cells
+        state.totals[rows, T.gaps] = cells - healthy
 
     def receive(self, row: int, source: Cells, target: Cells) -> None:
         """Take the cameras' reports of the presented rows into one world.
@@ -145,17 +174,9 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         """Turn actions (B,) into motions and nominal phase times."""
         return plan_worlds(self.tables, self.state, actions)
 
-    def stack(self, fields: Sequence[Any]) -> Any:
-        """The batch of fields."""
-        raise NotImplementedError
-
-    def unstack(self, batch: Any) -> list[Any]:
-        """The fields of a batch."""
-        raise NotImplementedError
-
     def nominal(self, plan: TransplantPlan) -> TransplantOutcome:
         """Nominal phase times, the tool exactly where it was sent."""
-        return TransplantOutcome(plan.phases_s, np.zeros((len(plan.kind), 2)))
+        return TransplantOutcome(plan.phases_s, np.zeros((len(plan.kind), len(E))))
 
     def apply(self, plan: TransplantPlan, outcome: TransplantOutcome) -> StepResult:
         """Move plugs, index rows, book the time."""
@@ -166,18 +187,13 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         machine, candidates, mask = observe_worlds(self.tables, self.state)
         return {"machine": machine, "candidates": candidates, "action_mask": mask}
 
-    def presented_reports(self) -> tuple[Cells, Cells]:
-        """What the machine believes of the presented rows: (B, source columns) and (B, target columns)."""
-        state, worlds = self.state, np.arange(self.worlds)
-        return state.source_reports[worlds, state.source_row], state.target_reports[worlds, state.target_row]
-
     def cells_of_pair(self, pair: int) -> tuple[int, int]:
-        """Places of a pair's source and target cell, see ``Motions``."""
+        """Places of a pair's source and target cell, see ``timing.Places``."""
         source, target = divmod(pair, self.target_shape[1])
         return source, self.source_shape[1] + target
 
     def scores(self) -> Array:
-        """Scorecard so far; see ``score_names``. The net rate counts every cell of every target tray."""
+        """Scorecard so far, see ``Scores``."""
         return score_worlds(self.state)
 
     def describe(self, plan: TransplantPlan, result: StepResult, row: int = 0) -> str:
@@ -197,36 +213,26 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         return f"{words.get(kind, 'illegal action')}: {elapsed:.2f} s"
 
 
-def _tables(config: TransplantingConfig, table: Motions, *, from_outside: bool) -> Tables:
+def _tables(config: TransplantingConfig, where: Places, table: Times, *, from_outside: bool) -> Tables:
     """What the rules look up, from the configuration and the times of its motions."""
-    scenario, machine, process, weights = config.scenario, config.machine, config.process, config.weights
+    scenario, process, weights = config.scenario, config.process, config.weights
     n, m = scenario.source.columns, scenario.target.columns
-    feature = np.zeros((n * m, len(CANDIDATE_FEATURES)), np.float32)
-    feature[:, 0] = 1.0
-    feature[:, 1] = np.repeat(table.x_m[:n], m) / PLACE_SCALE_M
-    feature[:, 2] = np.tile(table.x_m[n : n + m], n) / PLACE_SCALE_M
-    feature[:, 3] = table.carry_s[SPEEDS.index("normal")] / MOVE_SCALE_S
-    place = np.column_stack([table.x_m / PLACE_SCALE_M, table.height_m == 0.0])
-    sides = (scenario.source, scenario.source_trays), (scenario.target, scenario.target_trays)
-    # One row more than there are: a batch steps worlds that are over along with the others.
-    row_s = np.empty((2, max(tray.rows * trays for tray, trays in sides) + 1))
-    for side, (tray, _) in enumerate(sides):
-        row_s[side] = table.index_s[side]
-        row_s[side, tray.rows - 1 :: tray.rows] = table.exchange_s[side]
+    across = np.clip(where.x_m / PLACE_SCALE_M, -SHOWN, SHOWN)
+    feature = np.zeros((n * m, len(names(Candidate))), np.float32)
+    feature[:, C.present] = 1.0
+    feature[:, C.source] = np.repeat(across[:n], m)
+    feature[:, C.target] = np.tile(across[n : n + m], n)
+    feature[:, C.carry] = np.minimum(table.carry[SPEEDS.index("normal"), :, W.s] / MOVE_SCALE_S, SHOWN)
+    place = np.zeros((len(across), 2), np.float32)
+    place[:, M.place], place[:, M.down] = across, where.height_m == 0.0
     return Tables(
-        approach=np.ascontiguousarray(np.stack([table.approach_s, table.approach_m], axis=-1)),
-        carry=np.stack([table.carry_s, table.carry_m], axis=-1),
-        rise=np.stack([table.rise_s, table.rise_m], axis=-1),
-        row_s=row_s,
+        times=table,
         pair_feature=feature,
-        place_feature=place.astype(np.float32),
-        chances=np.stack([loss_chances(machine, process), damage_chances(machine, process)], axis=-1),
-        weights=np.array([weights.planted, weights.spoiled, weights.seconds], float),
-        extraction=float(process.extraction),
-        reach_m=float(process.reach_m),
-        grip_s=float(process.grip_s),
-        release_s=float(process.release_s),
-        illegal_s=float(process.illegal_s),
-        time_limit_s=float(scenario.time_limit_s),
+        place_feature=place,
+        chances=speed_chances(config.machine, process),
+        weights=np.array(Rewards(weights.planted, weights.spoiled, weights.seconds)),  # type: ignore[arg-type]
+        extraction=process.extraction,
+        reach_m=process.reach_m,
+        time_limit_s=scenario.time_limit_s,
         from_outside=from_outside,
     )

@@ -1,4 +1,4 @@
-"""Draws trays: which cells are empty or hold a poor seedling, what happens to each plug, what a camera reports.
+"""Trays as a value: what every cell holds, each plug's luck, what a camera will report; drawn, stacked, completed.
 
 Each world hands over one block of uniform and one of normal numbers from its own generator; everything else is array
 arithmetic over the worlds, so a world's trays do not depend on how many worlds are drawn beside it.
@@ -7,28 +7,89 @@ arithmetic over the worlds, so a world's trays do not depend on how many worlds 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ..columns import names
 from ..core import Array
-from .config import EMPTY, HEALTHY, POOR, PerceptionModel, ScenarioConfig, Tray
+from ..field import Field, FieldError, Table, Toy, Whole, label, number, whole
+from .columns import Lucks
+from .config import EMPTY, HEALTHY, POOR, REPORTS, PerceptionModel, ScenarioConfig, TransplantingConfig, Tray
 
 Cells = NDArray[np.int8]
+Shape = tuple[int, int]
+CellsT = TypeVar("CellsT", bound="TargetCells")
+_LUCKS = names(Lucks)
+_MOST_ROWS, _MOST_COLUMNS = 10_000, 50
+"""Of the trays of a configuration."""
 
-LUCKS = ("extract", "lose", "damage")
-"""Uniform numbers that decide what happens to a plug, in the order of ``Field.luck``'s last axis."""
+
+@dataclass(frozen=True, eq=False)
+class TargetCells(Table):
+    """Cells of the trays to serve."""
+
+    row: Whole = whole(0, _MOST_ROWS - 1, "row of its tray, counted on from tray to tray; the first to come is 0")
+    column: Whole = whole(0, _MOST_COLUMNS - 1, "place in its row, 0 the leftmost")
+    state: Whole = label(REPORTS, "what the cell holds")
+    lot: Array = number("", 0.0, 1.0, "decides what a statistical camera reports of it, and its looks", fill="uniform")
 
 
-class Field(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class SourceCells(TargetCells):
+    """Cells of the supply, each with its plug's luck."""
+
+    extract: Array = number("", 0.0, 1.0, "the plug leaves its cell whole below the chance of it", fill="uniform")
+    lose: Array = number("", 0.0, 1.0, "the plug is lost on the way below the speed's chance of it", fill="uniform")
+    damage: Array = number("", 0.0, 1.0, "the plug arrives damaged below the speed's chance of it", fill="uniform")
+
+
+@dataclass(frozen=True, eq=False)
+class TrayField(Field):
+    """The trays of an episode, tray behind tray; a cell that is not given is empty.
+
+    Attributes:
+        source: the supply.
+        target: the trays to serve; None where all of them come empty.
+    """
+
+    task: ClassVar[str] = "trays"
+    main: ClassVar[str] = "source"
+    places: ClassVar[tuple[str, ...]] = ()
+
+    source: SourceCells
+    target: TargetCells | None = None
+
+    @classmethod
+    def of_cells(cls, source: Sequence[Sequence[int]], target: Sequence[Sequence[int]]) -> TrayField:
+        """Trays of which only the cells' contents are given, by row: ``EMPTY``, ``HEALTHY`` or ``POOR``."""
+        return cls(_listed(SourceCells, source), _listed(TargetCells, target))
+
+    @classmethod
+    def from_text(cls, text: str, where: str) -> TrayField:
+        """Trays from a plain map of their cells, see ``grid``."""
+        from .grid import read_grid
+
+        return cls.of_cells(*read_grid(text, where))
+
+    @classmethod
+    def toy(cls) -> tuple[Toy, ...]:
+        """Trays small enough to check by hand, see ``toys``."""
+        from .toys import toys
+
+        return toys()
+
+
+class TrayBatch(NamedTuple):
     """Trays of R worlds, tray behind tray.
 
     Attributes:
         source: (R, source rows, columns), ``EMPTY``, ``HEALTHY`` or ``POOR``.
         target: (R, target rows, columns), likewise.
-        luck: (R, source rows, columns, 3), uniform numbers of each plug, see ``LUCKS``.
+        luck: (R, source rows, columns, 3), uniform numbers of each plug, see ``Lucks``.
         source_lot: (R, source rows, columns), uniform numbers that decide what a statistical camera reports.
         target_lot: (R, target rows, columns), likewise.
     """
@@ -40,38 +101,80 @@ class Field(NamedTuple):
     target_lot: Array
 
 
-def random_numbers(scenario: ScenarioConfig) -> tuple[int, int]:
-    """Lengths of a world's blocks: uniform and normal numbers."""
-    uniform = normal = 0
-    for tray, trays in ((scenario.source, scenario.source_trays), (scenario.target, scenario.target_trays)):
-        uniform += trays * tray.cells
-        normal += 2 * trays * (tray.cells + (tray.rows + 2) * (tray.columns + 2))
-    return uniform + len(LUCKS) * scenario.source_trays * scenario.source.cells, normal
+def shapes(scenario: ScenarioConfig) -> tuple[Shape, Shape]:
+    """Rows and columns of all source and of all target trays."""
+    source, target = scenario.source, scenario.target
+    return (scenario.source_trays * source.rows, source.columns), (scenario.target_trays * target.rows, target.columns)
 
 
-def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int]) -> tuple[Array, Array]:
-    """Blocks (R, n) of uniform and of normal numbers; each world draws its own row."""
-    uniform, normal = np.empty((len(generators), lengths[0])), np.empty((len(generators), lengths[1]))
+def draw(config: TransplantingConfig, generator: np.random.Generator) -> TrayField:
+    """The trays of a scenario."""
+    return unstacked(draw_batch(config.scenario, [generator]))[0]
+
+
+def draw_batch(scenario: ScenarioConfig, generators: Sequence[np.random.Generator]) -> TrayBatch:
+    """Trays of as many worlds as there are generators."""
+    sides = (scenario.source, scenario.source_trays), (scenario.target, scenario.target_trays)
+    blocks = [2 * trays * (tray.cells + (tray.rows + 2) * (tray.columns + 2)) for tray, trays in sides]
+    lots = [trays * tray.cells for tray, trays in sides]
+    worlds = len(generators)
+    uniform, normal = np.empty((worlds, sum(lots) + len(_LUCKS) * lots[0])), np.empty((worlds, sum(blocks)))
     for row, generator in enumerate(generators):
         generator.random(out=uniform[row])
         generator.standard_normal(out=normal[row])
-    return uniform, normal
+    (source, target), cells = shapes(scenario), np.cumsum(lots)
+    source_cells = _sow(scenario, *sides[0], normal[:, : blocks[0]])
+    target_cells = np.full((worlds, *target), EMPTY, np.int8)
+    if scenario.replug:
+        target_cells = _sow(scenario, *sides[1], normal[:, blocks[0] :])
+    return TrayBatch(
+        source_cells,
+        target_cells,
+        uniform[:, cells[1] :].reshape(worlds, *source, len(_LUCKS)),
+        uniform[:, : cells[0]].reshape(worlds, *source),
+        uniform[:, cells[0] : cells[1]].reshape(worlds, *target),
+    )
 
 
-def draw_field(scenario: ScenarioConfig, uniform: Array, normal: Array) -> Field:
-    """Sow the trays of R worlds from their random blocks (R, .)."""
-    worlds = len(uniform)
-    sown, lots, used_u, used_z = [], [], 0, 0
-    for tray, trays in ((scenario.source, scenario.source_trays), (scenario.target, scenario.target_trays)):
-        numbers = 2 * trays * (tray.cells + (tray.rows + 2) * (tray.columns + 2))
-        sown.append(_sow(scenario, tray, trays, normal[:, used_z : used_z + numbers]))
-        count = trays * tray.cells
-        lots.append(uniform[:, used_u : used_u + count].reshape(worlds, trays * tray.rows, tray.columns))
-        used_z, used_u = used_z + numbers, used_u + count
-    if not scenario.replug:
-        sown[1][...] = EMPTY
-    luck = uniform[:, used_u:].reshape(*sown[0].shape, len(LUCKS))
-    return Field(sown[0], sown[1], luck, lots[0], lots[1])
+def stacked(fields: Sequence[TrayField], source: Shape, target: Shape) -> TrayBatch:
+    """The batch of fields that have every cell of their trays, which are of these shapes."""
+    batch = TrayBatch(
+        *(np.empty((len(fields), *shape), np.int8) for shape in (source, target)),
+        *(np.empty((len(fields), *shape)) for shape in ((*source, len(_LUCKS)), source, target)),
+    )
+    for world, field in enumerate(fields):
+        assert field.target is not None
+        here, there = (field.source.row, field.source.column), (field.target.row, field.target.column)
+        batch.source[world][here], batch.target[world][there] = field.source.state, field.target.state
+        batch.source_lot[world][here], batch.target_lot[world][there] = field.source.lot, field.target.lot
+        for luck, name in enumerate(_LUCKS):
+            batch.luck[world][(*here, luck)] = getattr(field.source, name)
+    return batch
+
+
+def unstacked(batch: TrayBatch) -> list[TrayField]:
+    """The fields of a batch, their cells row by row."""
+    fields = []
+    for source, target, luck, source_lot, target_lot in zip(*batch, strict=True):
+        plugs = luck.reshape(-1, len(_LUCKS)).T
+        here, there = (np.indices(cells.shape).reshape(2, -1) for cells in (source, target))
+        fields.append(
+            TrayField(
+                SourceCells(*here, source.ravel(), source_lot.ravel(), **dict(zip(_LUCKS, plugs, strict=True))),
+                TargetCells(*there, target.ravel(), target_lot.ravel()),
+            )
+        )
+    return fields
+
+
+def with_every_cell(field: TrayField, source: Shape, target: Shape) -> TrayField:
+    """The field with every cell of trays of these shapes, row by row; those that were not given are empty.
+
+    Raises:
+        FieldError: a cell lies outside the trays, or is given twice.
+    """
+    served = TargetCells.empty() if field.target is None else field.target
+    return TrayField(_every_cell("source", field.source, source), _every_cell("target", served, target))
 
 
 def reports(confusion: Sequence[Sequence[float]], cells: Cells, lot: Array) -> Cells:
@@ -80,9 +183,44 @@ def reports(confusion: Sequence[Sequence[float]], cells: Cells, lot: Array) -> C
     return (lot >= limits[cells, 0]).astype(np.int8) + (lot >= limits[cells, 1])
 
 
-def model_reports(model: PerceptionModel, field: Field) -> tuple[Cells, Cells]:
+def model_reports(model: PerceptionModel, batch: TrayBatch) -> tuple[Cells, Cells]:
     """Reports of every source and every target cell."""
-    return reports(model.source, field.source, field.source_lot), reports(model.target, field.target, field.target_lot)
+    return reports(model.source, batch.source, batch.source_lot), reports(model.target, batch.target, batch.target_lot)
+
+
+def _listed(kind: type[CellsT], cells: Sequence[Sequence[int]]) -> CellsT:
+    places = [(row, column, state) for row, line in enumerate(cells) for column, state in enumerate(line)]
+    given = zip(("row", "column", "state"), np.array(places, np.int64).reshape(-1, 3).T, strict=True)
+    return replace(kind.empty(len(places)), **dict(given))
+
+
+def _every_cell(side: str, table: CellsT, shape: Shape) -> CellsT:
+    rows, columns = shape
+    outside = (table.row >= rows) | (table.column >= columns)
+    if outside.any():
+        i = int(np.argmax(outside))
+        raise FieldError(
+            f"{side} {i + 1}: row {table.row[i]}, column {table.column[i]} lies outside the {side} trays: give rows 0 "
+            f"to {rows - 1} and columns 0 to {columns - 1}"
+        )
+    cell = table.row * columns + table.column
+    if len(cell) == rows * columns and (np.diff(cell) > 0).all():
+        return table
+    known, first = np.unique(cell, return_index=True)
+    if len(known) < len(cell):
+        i = int(np.setdiff1d(np.arange(len(cell)), first)[0])
+        raise FieldError(
+            f"{side} {i + 1}: row {table.row[i]}, column {table.column[i]} is given twice, first as {side} "
+            f"{int(first[np.searchsorted(known, cell[i])]) + 1}: remove one"
+        )
+    # Where no cell is given there is an empty one.
+    row, column = np.indices(shape).reshape(2, -1)
+    completed: dict[str, NDArray[np.generic]] = {"row": row, "column": column, "state": np.full(len(row), EMPTY)}
+    for name, kind in table.columns().items():
+        if name not in ("row", "column"):
+            values = completed.setdefault(name, np.full(len(row), kind.absent))
+            values[cell] = getattr(table, name)
+    return type(table)(**completed)
 
 
 def _sow(scenario: ScenarioConfig, tray: Tray, trays: int, normal: Array) -> Cells:

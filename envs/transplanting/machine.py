@@ -11,10 +11,11 @@ from ...simulation.motion_report import Rest
 from ...simulation.transplanter import GateReport, TransplanterMachine
 from ...simulation.transplanter_model import TransplanterParameters
 from ..core import Array, Rows
+from .columns import E, P
 from .config import TransplantingConfig
 from .core import TransplantingCore, TransplantOutcome
-from .motions import Motions, gate_motion
 from .rules import INDEX_SOURCE, NOTHING, TransplantPlan
+from .timing import Places, above, gate_motion
 
 _REST = Rest(tolerance_m=5e-4, limit_s=0.3, wait_s=0.010)
 
@@ -26,10 +27,10 @@ class Move(NamedTuple):
     """One gate of a decision.
 
     Attributes:
-        start: place, see ``Motions``.
+        start: place, see ``Places``.
         end: place.
         limit: speed index of the acceleration limit, or ``EMPTY_HANDED``.
-        phase: ``"travel"`` or ``"carry"``.
+        phase: ``P.travel`` or ``P.carry``.
         loaded: whether something is in the gripper.
         then: what the gripper does at the end: ``"grip"``, ``"release"``, ``"miss"`` or nothing.
     """
@@ -37,7 +38,7 @@ class Move(NamedTuple):
     start: int
     end: int
     limit: int
-    phase: str
+    phase: int
     loaded: bool
     then: str
 
@@ -45,12 +46,12 @@ class Move(NamedTuple):
 class Trajectories:
     """Gates between the places of a configuration in the arm's plane, planned and sampled once each."""
 
-    def __init__(self, config: TransplantingConfig, motions: Motions):
+    def __init__(self, config: TransplantingConfig, places: Places):
         """Take places, level and limits from the configuration."""
         machine = config.machine
         (_, bottom), _ = machine.arm.window_m
         self.level_m = bottom + machine.lift_m
-        self.points = np.column_stack([motions.x_m, bottom + motions.height_m])
+        self.points = np.column_stack([places.x_m, bottom + places.height_m])
         limits = *machine.carry_acceleration_m_s2, machine.acceleration_m_s2
         self._gates = [machine.gate(limit) for limit in limits]
         self._known: dict[tuple[int, int, int], StoppedPath | PathMotion] = {}
@@ -85,7 +86,7 @@ class PyBulletTransplanter:
             raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
         self._core = core
         self._machine = TransplanterMachine(TransplanterParameters(arm=core.config.machine.arm))
-        self._trajectories = Trajectories(core.config, core.motions)
+        self._trajectories = Trajectories(core.config, core.places)
         self._plug_kg = core.config.process.plug_kg
 
     def reset_rows(self, rows: Rows) -> None:
@@ -97,15 +98,14 @@ class PyBulletTransplanter:
     def execute(self, plan: TransplantPlan) -> TransplantOutcome:
         """Drive the gates and say how long they took and where the tool came to rest."""
         phases = plan.phases_s.copy()
-        errors = np.zeros((1, 2))
-        columns = {name: index for index, name in enumerate(self._core.phase_names)}
+        errors = np.zeros((1, len(E)))
         n = self._core.source_shape[1]
         for move in moves(self._core, plan):
             self._machine.carry(self._plug_kg if move.loaded else 0.0)
             moved_s, nominal_s, error_m = self._drive(move)
-            phases[0, columns[move.phase]] += moved_s - nominal_s
+            phases[0, move.phase] += moved_s - nominal_s
             if move.then:
-                errors[0, int(move.end >= n)] = error_m
+                errors[0, E.target if move.end >= n else E.source] = error_m
         return TransplantOutcome(phases, errors)
 
     def close(self) -> None:
@@ -124,21 +124,22 @@ class PyBulletTransplanter:
 def moves(core: TransplantingCore, plan: TransplantPlan, row: int = 0) -> list[Move]:
     """The gates of one world's decision, in order."""
     kind, start = int(plan.kind[row]), int(plan.start[row])
-    cells, park = core.motions.cells, core.motions.park
+    park = core.places.park
     if kind == NOTHING:
         return []
     if kind >= INDEX_SOURCE:
-        return [Move(start, start + cells, EMPTY_HANDED, "travel", False, "")] if start < cells else []
+        end = above(core.tables.times, start)
+        return [Move(start, end, EMPTY_HANDED, P.travel, False, "")] if end != start else []
     source, target = core.cells_of_pair(int(plan.pair[row]))
     legs: list[Move] = []
     here = start
     if plan.clears[row]:
-        legs.append(Move(here, target, EMPTY_HANDED, "travel", False, "grip"))
-        legs.append(Move(target, park, EMPTY_HANDED, "travel", True, "release"))
+        legs.append(Move(here, target, EMPTY_HANDED, P.travel, False, "grip"))
+        legs.append(Move(target, park, EMPTY_HANDED, P.travel, True, "release"))
         here = park
     gripped = "grip" if plan.grips[row] else "miss"
-    legs.append(Move(here, source, EMPTY_HANDED, "travel", False, gripped))
+    legs.append(Move(here, source, EMPTY_HANDED, P.travel, False, gripped))
     if plan.grips[row]:
-        legs.append(Move(source, target, kind, "carry", True, "release"))
+        legs.append(Move(source, target, kind, P.carry, True, "release"))
     # Where the tool stands already there is no gate to drive.
     return [leg for leg in legs if leg.start != leg.end]

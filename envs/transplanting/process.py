@@ -1,21 +1,20 @@
-"""What gripping and carrying do to a plug. Pure array functions."""
+"""What gripping and carrying do to a plug."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..core import Array
-from .config import MachineConfig, ProcessConfig
+from .columns import H, Harms
+from .config import SPEEDS, MachineConfig, ProcessConfig
 
 
-def loss_chances(machine: MachineConfig, process: ProcessConfig) -> Array:
-    """Chance to lose a gripped plug on the way, by speed, shape (3,)."""
-    return _logistic(machine, process.loss_half_m_s2, process.loss_width_m_s2)
-
-
-def damage_chances(machine: MachineConfig, process: ProcessConfig) -> Array:
-    """Chance that a plug that is not lost arrives damaged, by speed, shape (3,)."""
-    return _logistic(machine, process.damage_half_m_s2, process.damage_width_m_s2)
+def speed_chances(machine: MachineConfig, process: ProcessConfig) -> Array:
+    """Chances (3, 2) of each speed, see ``Harms``: logistic in the carrying acceleration."""
+    chances = np.empty((len(SPEEDS), len(Harms._fields)))
+    chances[:, H.lose] = _logistic(machine, process.loss_half_m_s2, process.loss_width_m_s2)
+    chances[:, H.damage] = _logistic(machine, process.damage_half_m_s2, process.damage_width_m_s2)
+    return chances
 
 
 def _logistic(machine: MachineConfig, half_m_s2: float, width_m_s2: float) -> Array:

@@ -7,64 +7,63 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..columns import names
 from ..compiled import compiled
 from ..core import Array, StepResult
+from .columns import (
+    MOVE_SCALE_S,
+    NEXT_SOURCE,
+    NEXT_TARGET,
+    SHOWN,
+    C,
+    Candidate,
+    E,
+    H,
+    L,
+    M,
+    Machine,
+    P,
+    Phases,
+    R,
+    Rewards,
+    S,
+    Scores,
+    T,
+    W,
+)
 from .config import DAMAGED, EMPTY, HEALTHY, POOR, SPEEDS
-from .features import CANDIDATE_FEATURES, MACHINE_FEATURES, MOVE_SCALE_S
-from .field import LUCKS, Cells
+from .field import Cells
+from .timing import CLEARING, STRAIGHT, Times, above, handling_s
 
-INDEX_SOURCE, INDEX_TARGET, NOTHING, FINISH = 3, 4, 5, 6
+INDEX_SOURCE, INDEX_TARGET, NOTHING, FINISH = range(len(SPEEDS), len(SPEEDS) + 4)
 """Kinds of decision after the three speeds: move a conveyor on, an illegal action, send the last row away."""
-TRAVEL, CARRY, HANDLE, INDEX, WAIT = range(5)
-"""Phases."""
-_EXTRACT, _LOSE, _DAMAGE = range(len(LUCKS))
 
-_SPEEDS, _MACHINE, _FEATURES = len(SPEEDS), len(MACHINE_FEATURES), len(CANDIDATE_FEATURES)
-_APPROACH, _POOR, _CLEAR = (CANDIDATE_FEATURES.index(name) for name in ("approach", "source_poor", "clear"))
-
-TIME, DONE, _MISSED, DAMAGES, ILLEGAL, PHASES = range(6)
-LOST, TORN, WASTED, CLEARED, TRIED, TRAVELLED, FILLED, CELLS, GAPS, LAST = range(PHASES + WAIT + 1, 20)
-"""Columns of the running totals, all but the last in the scorecard's order; the missed cells' one is filled there.
-Five phases begin at ``PHASES``; ``FILLED`` counts the target cells that hold a healthy seedling."""
-TOTALS = LAST + 1
-_FIRST_TOTAL = 3
-SCORES = _FIRST_TOTAL + LAST + 1
+_SPEEDS, _PHASES, _REWARDS = len(SPEEDS), len(names(Phases)), len(names(Rewards))
+_MACHINE, _FEATURES, _SCORES = len(names(Machine)), len(names(Candidate)), len(names(Scores))
 
 
 class Tables(NamedTuple):
-    """What the rules look up; the same in every world. P places and K pairs as in ``Motions``.
+    """What the rules look up; the same in every world. P places and K pairs as in ``timing``.
 
     Attributes:
-        approach: (2, P, K, 2), seconds and metres from a place to a pair's source cell: straight, by way of the chute.
-        carry: (3, K, 2), seconds and metres from source to target, by speed.
-        rise: (P, 2), seconds and metres from a place to above it.
-        row_s: (2, rows), seconds that the source and the target conveyor take to move on from each row.
+        times: how long everything takes.
         pair_feature: (K, F), a possible pair's columns that do not depend on where the tool is.
-        place_feature: (P, 2), what is shown of the tool's place.
-        chances: (3, 2), chance to lose a gripped plug on the way and that it arrives damaged, by speed.
-        weights: (3,), of the reward's terms.
+        place_feature: (P, 2), the features of the machine that the tool's place decides, the first two of ``Machine``.
+        chances: (3, 2), of each speed, see ``Harms``.
+        weights: of the reward's terms, see ``Rewards``.
         extraction: chance that a plug leaves its cell whole.
         reach_m: a gripper farther than this from a cell's middle misses it.
-        grip_s: seconds to grip.
-        release_s: seconds to release.
-        illegal_s: seconds that an illegal action costs.
         time_limit_s: when the episode is cut off.
         from_outside: whether reports come from cameras, after each move of a conveyor.
     """
 
-    approach: Array
-    carry: Array
-    rise: Array
-    row_s: Array
+    times: Times
     pair_feature: NDArray[np.float32]
     place_feature: NDArray[np.float32]
     chances: Array
     weights: Array
     extraction: float
     reach_m: float
-    grip_s: float
-    release_s: float
-    illegal_s: float
     time_limit_s: float
     from_outside: bool
 
@@ -77,12 +76,12 @@ class Worlds(NamedTuple):
         target_cells: (B, target rows + 1, m), likewise.
         source_reports: (B, source rows + 1, n), what the machine believes of each cell.
         target_reports: (B, target rows + 1, m), likewise.
-        luck: (B, source rows + 1, n, 3), uniform numbers of each plug, as ``LUCKS`` names them.
+        luck: (B, source rows + 1, n, 3), uniform numbers of each plug, see ``Lucks``.
         source_row: (B,), the presented one.
         target_row: (B,), the presented one.
-        look_due: (B, 2), whether a camera has to report: source, target.
-        place: (B,), where the tool stands, see ``Motions``.
-        totals: (B, TOTALS).
+        look_due: (B, 2), whether a camera has to report, see ``Ends``.
+        place: (B,), where the tool stands, see ``Places``.
+        totals: (B, .), see ``Totals``.
     """
 
     source_cells: Cells
@@ -103,13 +102,13 @@ class TransplantPlan(NamedTuple):
     Attributes:
         kind: (B,), speed index, ``INDEX_SOURCE``, ``INDEX_TARGET``, ``NOTHING`` or ``FINISH``.
         pair: (B,), source column times the target row's columns plus target column; 0 when none.
-        held: (B, 2), what the pair's source and target cell hold before the decision; ``EMPTY`` when there is no pair.
+        held: (B, 2), what the pair's cells hold before the decision, see ``Ends``; ``EMPTY`` when there is no pair.
         clears: (B,), whether the target cell's seedling goes to the chute first.
         grips: (B,), whether the gripper's sensor will find a plug between the needles; without one the tool stays at
             the source cell.
-        start: (B,), place that the tool stands at, see ``Motions``.
+        start: (B,), place that the tool stands at, see ``Places``.
         end: (B,), place that it will stand at.
-        phases_s: (B, 5), nominal seconds of each phase.
+        phases_s: (B, 5), nominal seconds, see ``Phases``.
         travel_m: (B,), length of the tool's path.
     """
 
@@ -130,24 +129,23 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> T
     count = actions.size
     kind, pair, held = np.empty(count, np.int64), np.empty(count, np.int64), np.zeros((count, 2), np.int8)
     clears, grips = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
-    start, end = worlds.place.copy(), worlds.place.copy()
-    phases_s, travel_m = np.zeros((count, WAIT + 1)), np.zeros(count)
+    start, end, times = worlds.place.copy(), worlds.place.copy(), tables.times
+    phases_s, travel_m = np.zeros((count, _PHASES)), np.zeros(count)
     for w in range(count):
         what, chosen = kind_of(worlds, w, actions[w])
         kind[w], pair[w] = what, chosen
         if what < INDEX_SOURCE:
             clears[w], grips[w], end[w] = plan_pair(tables, worlds, w, what, chosen, held, phases_s, travel_m)
         elif what == NOTHING:
-            phases_s[w, WAIT] = tables.illegal_s
+            phases_s[w, P.wait] = times.illegal_s
         else:
             # A conveyor moves once the tool has risen from the cells.
-            here, cells = start[w], len(tables.rise) // 2
-            phases_s[w, TRAVEL], travel_m[w] = tables.rise[here, 0], tables.rise[here, 1]
+            phases_s[w, P.travel], travel_m[w] = times.rise[start[w], W.s], times.rise[start[w], W.m]
             if what == INDEX_SOURCE:
-                phases_s[w, INDEX] = tables.row_s[0, worlds.source_row[w]]
+                phases_s[w, P.index] = times.row_s[E.source, worlds.source_row[w]]
             else:
-                phases_s[w, INDEX] = tables.row_s[1, worlds.target_row[w]]
-            end[w] = here + cells if here < cells else here
+                phases_s[w, P.index] = times.row_s[E.target, worlds.target_row[w]]
+            end[w] = above(times, start[w])
     return TransplantPlan(kind, pair, held, clears, grips, start, end, phases_s, travel_m)
 
 
@@ -172,21 +170,17 @@ def plan_pair(
     """Write down a pair's phases and what its cells hold; gives whether it clears, whether it grips, where it ends."""
     n, m = worlds.source_cells.shape[2], worlds.target_cells.shape[2]
     source, target, row = pair // m, pair % m, worlds.source_row[w]
-    held[w, 0] = worlds.source_cells[w, row, source]
-    held[w, 1] = worlds.target_cells[w, worlds.target_row[w], target]
+    held[w, E.source] = worlds.source_cells[w, row, source]
+    held[w, E.target] = worlds.target_cells[w, worlds.target_row[w], target]
     clears = worlds.target_reports[w, worlds.target_row[w], target] == POOR
-    grips = held[w, 0] != EMPTY and worlds.luck[w, row, source, _EXTRACT] < tables.extraction
-    way, here = 1 if clears else 0, worlds.place[w]
-    phases_s[w, TRAVEL], travel_m[w] = tables.approach[way, here, pair, 0], tables.approach[way, here, pair, 1]
-    # The needles close at the source cell, whether they find a plug or not.
-    phases_s[w, HANDLE] = tables.grip_s
-    if clears:
-        phases_s[w, HANDLE] += tables.grip_s + tables.release_s
+    grips = held[w, E.source] != EMPTY and worlds.luck[w, row, source, L.extract] < tables.extraction
+    way, here, times = CLEARING if clears else STRAIGHT, worlds.place[w], tables.times
+    phases_s[w, P.travel], travel_m[w] = times.approach[way, here, pair, W.s], times.approach[way, here, pair, W.m]
+    phases_s[w, P.handle] = handling_s(times, clears, grips)
     if not grips:
         return clears, grips, source
-    phases_s[w, CARRY] = tables.carry[speed, pair, 0]
-    phases_s[w, HANDLE] += tables.release_s
-    travel_m[w] += tables.carry[speed, pair, 1]
+    phases_s[w, P.carry] = times.carry[speed, pair, W.s]
+    travel_m[w] += times.carry[speed, pair, W.m]
     return clears, grips, n + target
 
 
@@ -194,34 +188,35 @@ def plan_pair(
 def apply_worlds(tables: Tables, worlds: Worlds, plan: TransplantPlan, phases_s: Array, error_m: Array) -> StepResult:
     """Move plugs, index rows, book the time; ``error_m`` (B, 2) are the tool's errors at source and target."""
     count = len(plan.kind)
-    rewards, terminated, truncated = np.zeros((count, 3)), np.empty(count, np.bool_), np.empty(count, np.bool_)
+    rewards, terminated, truncated = np.zeros((count, _REWARDS)), np.empty(count, np.bool_), np.empty(count, np.bool_)
     for w in range(count):
         kind, totals = plan.kind[w], worlds.totals[w]
         elapsed = 0.0
-        for phase in range(WAIT + 1):
+        for phase in range(_PHASES):
             elapsed += phases_s[w, phase]
-            totals[PHASES + phase] += phases_s[w, phase]
-        totals[TIME] += elapsed
-        totals[TRAVELLED] += plan.travel_m[w]
+            totals[T.travel + phase] += phases_s[w, phase]
+        totals[T.time] += elapsed
+        totals[T.travel_m] += plan.travel_m[w]
         gain, spoiled = 0.0, 0.0
         if kind < INDEX_SOURCE:
-            within = error_m[w, 0] <= tables.reach_m and error_m[w, 1] <= tables.reach_m
+            within = error_m[w, E.source] <= tables.reach_m and error_m[w, E.target] <= tables.reach_m
             gain, spoiled = transplant(tables, worlds, plan, w, within)
         elif kind == INDEX_SOURCE:
             spoiled = index_source(worlds, w)
         elif kind == NOTHING:
-            totals[ILLEGAL] += 1.0
+            totals[T.illegal] += 1.0
         else:
             # A batch steps worlds that are over along with the others: they stay at the row behind the last.
             worlds.target_row[w] = min(worlds.target_row[w] + 1, worlds.target_cells.shape[1] - 1)
-        if tables.from_outside and (kind == INDEX_SOURCE or kind == INDEX_TARGET):
-            worlds.look_due[w, kind - INDEX_SOURCE] = True
-        rewards[w, 0] = gain * tables.weights[0]
-        rewards[w, 1] = spoiled * tables.weights[1]
-        rewards[w, 2] = elapsed * tables.weights[2]
+        if tables.from_outside:
+            worlds.look_due[w, E.source] |= kind == INDEX_SOURCE
+            worlds.look_due[w, E.target] |= kind == INDEX_TARGET
+        rewards[w, R.planted] = gain * tables.weights[R.planted]
+        rewards[w, R.spoiled] = spoiled * tables.weights[R.spoiled]
+        rewards[w, R.time] = elapsed * tables.weights[R.time]
         worlds.place[w] = plan.end[w]
         terminated[w] = kind == FINISH
-        truncated[w] = totals[TIME] >= tables.time_limit_s and not terminated[w]
+        truncated[w] = totals[T.time] >= tables.time_limit_s and not terminated[w]
     return StepResult(rewards, phases_s, terminated, truncated)
 
 
@@ -231,39 +226,39 @@ def transplant(tables: Tables, worlds: Worlds, plan: TransplantPlan, w: int, wit
     totals, m = worlds.totals[w], worlds.target_cells.shape[2]
     speed, column, gap = plan.kind[w], plan.pair[w] // m, plan.pair[w] % m
     row, target_row = worlds.source_row[w], worlds.target_row[w]
-    plug, before = plan.held[w, 0], plan.held[w, 1]
+    plug, before = plan.held[w, E.source], plan.held[w, E.target]
     seen = worlds.source_reports[w, row, column]
     worlds.source_cells[w, row, column] = EMPTY
     worlds.source_reports[w, row, column] = EMPTY
-    totals[TRIED] += 1.0
+    totals[T.transplants] += 1.0
     left = before
     if plan.clears[w]:
         left = EMPTY
         worlds.target_reports[w, target_row, gap] = EMPTY
         if before != EMPTY:
-            totals[CLEARED] += 1.0
+            totals[T.cleared] += 1.0
     now, good = left, False
     if not plan.grips[w]:
         if plug != EMPTY:
-            totals[TORN] += 1.0
-            totals[DAMAGES] += 1.0
-    elif worlds.luck[w, row, column, _LOSE] < tables.chances[speed, 0] or not within:
-        totals[LOST] += 1.0
+            totals[T.torn] += 1.0
+            totals[T.damaged] += 1.0
+    elif worlds.luck[w, row, column, L.lose] < tables.chances[speed, H.lose] or not within:
+        totals[T.lost] += 1.0
     else:
         # The sensor tells the machine that a plug arrived, not what became of it.
         worlds.target_reports[w, target_row, gap] = seen
         now = plug
         # A plug that is pushed into another one spoils both.
-        if left != EMPTY or worlds.luck[w, row, column, _DAMAGE] < tables.chances[speed, 1]:
+        if left != EMPTY or worlds.luck[w, row, column, L.damage] < tables.chances[speed, H.damage]:
             now = DAMAGED
-            totals[DAMAGES] += 2.0 if left == HEALTHY else 1.0
+            totals[T.damaged] += 2.0 if left == HEALTHY else 1.0
         good = now == HEALTHY
     worlds.target_cells[w, target_row, gap] = now
     gain = (1.0 if now == HEALTHY else 0.0) - (1.0 if before == HEALTHY else 0.0)
-    totals[FILLED] += gain
+    totals[T.healthy] += gain
     if good:
-        totals[DONE] += 1.0
-        totals[LAST] = totals[TIME]
+        totals[T.done] += 1.0
+        totals[T.last] = totals[T.time]
     return gain, (1.0 if plug == HEALTHY and not good else 0.0)
 
 
@@ -274,7 +269,7 @@ def index_source(worlds: Worlds, w: int) -> float:
     for column in range(worlds.source_cells.shape[2]):
         if worlds.source_cells[w, worlds.source_row[w], column] == HEALTHY:
             wasted += 1.0
-    worlds.totals[w, WASTED] += wasted
+    worlds.totals[w, T.wasted] += wasted
     worlds.source_row[w] += 1
     return wasted
 
@@ -284,7 +279,7 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
     """Features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, 3 K + 2)."""
     count, n, m = len(worlds.place), worlds.source_reports.shape[2], worlds.target_reports.shape[2]
     source_rows, target_rows = worlds.source_reports.shape[1] - 1, worlds.target_reports.shape[1] - 1
-    machine = np.empty((count, _MACHINE), np.float32)
+    machine, times = np.empty((count, _MACHINE), np.float32), tables.times
     candidates = np.zeros((count, n * m * _FEATURES), np.float32)
     mask = np.zeros((count, _SPEEDS * n * m + 2), np.int8)
     for w in range(count):
@@ -299,42 +294,59 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
                 known = worlds.target_reports[w, target_row, target]
                 if known == HEALTHY:
                     continue
-                pair, clear = source * m + target, 1 if known == POOR else 0
+                pair, clear = source * m + target, known == POOR
                 first = pair * _FEATURES
                 for column in range(_FEATURES):
                     candidates[w, first + column] = tables.pair_feature[pair, column]
-                candidates[w, first + _APPROACH] = tables.approach[clear, place, pair, 0] / MOVE_SCALE_S
-                candidates[w, first + _POOR] = 1.0 if ready == POOR else 0.0
-                candidates[w, first + _CLEAR] = clear
+                approach_s = times.approach[CLEARING if clear else STRAIGHT, place, pair, W.s]
+                candidates[w, first + C.approach] = min(approach_s / MOVE_SCALE_S, SHOWN)
+                candidates[w, first + C.source_poor] = 1.0 if ready == POOR else 0.0
+                candidates[w, first + C.clear] = 1.0 if clear else 0.0
                 for speed in range(_SPEEDS):
                     mask[w, _SPEEDS * pair + speed] = 1
         gaps = 0
         for target in range(m):
             if worlds.target_reports[w, target_row, target] != HEALTHY:
                 gaps += 1
-        machine[w, 0], machine[w, 1] = tables.place_feature[place, 0], tables.place_feature[place, 1]
-        machine[w, 2] = worlds.totals[w, TIME] / tables.time_limit_s
-        machine[w, 3] = 1.0 - (row + 1.0) / source_rows
-        machine[w, 4] = 1.0 - (target_row + 1.0) / target_rows
-        machine[w, 5] = usable / n
-        machine[w, 6] = gaps / m
-        mask[w, -2] = row + 1 < source_rows
-        mask[w, -1] = 1
+        machine[w, M.place], machine[w, M.down] = (
+            tables.place_feature[place, M.place],
+            tables.place_feature[place, M.down],
+        )
+        machine[w, M.time] = min(worlds.totals[w, T.time] / tables.time_limit_s, SHOWN)
+        machine[w, M.source_rows] = 1.0 - (row + 1.0) / source_rows
+        machine[w, M.target_rows] = 1.0 - (target_row + 1.0) / target_rows
+        machine[w, M.ready] = usable / n
+        machine[w, M.gaps] = gaps / m
+        mask[w, NEXT_SOURCE] = row + 1 < source_rows
+        mask[w, NEXT_TARGET] = 1
     return machine, candidates, mask
 
 
 @compiled
 def score_worlds(worlds: Worlds) -> Array:
-    """Scorecard so far (B, SCORES): net rate (every cell of every target tray counts), cycle time, rate, rest."""
-    result = np.empty((len(worlds.totals), SCORES))
+    """Scorecard so far (B, .), see ``Scores``."""
+    result = np.empty((len(worlds.totals), _SCORES))
     for w in range(len(result)):
         totals = worlds.totals[w]
-        missed = totals[CELLS] - totals[FILLED]
-        result[w, 0] = totals[FILLED] / totals[CELLS]
-        result[w, 1] = totals[LAST] / max(totals[DONE], 1.0)
-        result[w, 2] = 60.0 * totals[DONE] / max(totals[TIME], 1e-9)
-        for total in range(LAST):
-            result[w, _FIRST_TOTAL + total] = totals[total]
-        result[w, _FIRST_TOTAL + _MISSED] = missed
-        result[w, -1] = 1.0 - missed / max(totals[GAPS], 1.0)
+        missed = totals[T.cells] - totals[T.healthy]
+        result[w, S.net_rate] = totals[T.healthy] / totals[T.cells]
+        result[w, S.cycle_time_s] = totals[T.last] / max(totals[T.done], 1.0)
+        result[w, S.throughput_per_min] = 60.0 * totals[T.done] / max(totals[T.time], 1e-9)
+        result[w, S.duration_s] = totals[T.time]
+        result[w, S.done] = totals[T.done]
+        result[w, S.missed] = missed
+        result[w, S.damaged] = totals[T.damaged]
+        result[w, S.illegal] = totals[T.illegal]
+        for phase in range(_PHASES):
+            result[w, S.phase_travel_s + phase] = totals[T.travel + phase]
+        result[w, S.lost] = totals[T.lost]
+        result[w, S.torn] = totals[T.torn]
+        result[w, S.wasted] = totals[T.wasted]
+        result[w, S.cleared] = totals[T.cleared]
+        result[w, S.transplants] = totals[T.transplants]
+        result[w, S.travel_m] = totals[T.travel_m]
+        result[w, S.healthy] = totals[T.healthy]
+        result[w, S.cells] = totals[T.cells]
+        result[w, S.gaps] = totals[T.gaps]
+        result[w, S.filled] = 1.0 - missed / max(totals[T.gaps], 1.0)
     return result

@@ -27,7 +27,7 @@ class TransplantView:
         """Build the scene; its trays come with the first look or picture."""
         self._core = core
         self._scene = TrayScene(core.config, window=window)
-        self._trajectories = Trajectories(core.config, core.motions)
+        self._trajectories = Trajectories(core.config, core.places)
         self._episode = -1
         self._clock: _Clock | None = None
         # The state that is shown; it lags behind the rules while a decision is played.
@@ -103,7 +103,7 @@ class TransplantView:
         for time_s in clock.ticks(duration):
             share = min(time_s / _NEEDLES_S, 1.0)
             yield self._draw(tool, 1.0 - share if closing else share, held)
-        in_cell = move.end < core.motions.cells
+        in_cell = move.end < core.places.cells
         if move.then == "grip" and in_cell:
             held = int(line.cells[row, column]), float(line.looks[row, column])
             line.cells[row, column], line.hollow[row, column] = EMPTY, True

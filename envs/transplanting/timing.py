@@ -1,59 +1,47 @@
-"""How long every motion of a task takes: tables over the few places that the tool can stand at.
+"""How long everything takes: tables over the few places that the tool can stand at, and what a decision makes of them.
 
 Rows are straight, so a gate is told by its rise, its width and its fall, and both rows have a handful of cells. Every
-duration that the rules need is looked up; nothing is planned while a task runs.
+duration is looked up; nothing is planned while a task runs. Rules, policies, bound and executor take their seconds from
+here.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from ...motion import QUINTIC, Gate, PathMotion, StoppedPath, minimum_time, rounded
+from ..compiled import compiled
 from ..core import Array
-from .config import MachineConfig, Tray
+from .columns import Ends, W
+from .config import MachineConfig, ScenarioConfig, TransplantingConfig, Tray
 
+STRAIGHT, CLEARING = range(2)
+"""Ways to a pair's source cell: straight, or by way of the target cell and the chute, to clear the target cell first."""
 _NARROWEST_M = 0.02
 _NODES = 17
 """Widths at which the time-optimal gate is planned; a cubic spline between them is within 0.2 % (tested)."""
 
 
-@dataclass(frozen=True)
-class Motions:
-    """Places and the gates between them, n and m being the cells of a presented source and target row.
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where the tool can stand, n and m being the cells of a presented source and target row.
 
-    The tool's places are numbered: 0 ... n + m - 1 down at the cells, source row first; the same number of places above
-    them, at the gates' level; last, above the chute between the trays. There are P = 2 (n + m) + 1.
+    Places are numbered: 0 ... n + m - 1 down at the cells, source row first; the same number of places above them, at
+    the gates' level; last, above the chute between the trays. There are P = 2 (n + m) + 1.
 
     Attributes:
-        x_m: where the places are across the machine, (P,).
+        x_m: across the machine, (P,).
         height_m: above the cells, (P,): 0 or the lift.
-        approach_s: from a place to the source cell of a pair, (2, P, n m). Pairs count target cells fastest. The second
-            half is for target cells that must be cleared first: to the target cell, with its seedling to the chute, on
-            to the source.
-        approach_m: path length of that.
-        carry_s: from source to target, by speed, (3, n m).
-        carry_m: path length of that, (3, n m).
-        rise_s: from a place to above it, (P,).
-        rise_m: path length of that.
-        index_s: time of a conveyor to the next row, (2,): source, target.
-        exchange_s: time of a conveyor from a tray's last row to the next tray's first one, (2,).
     """
 
     x_m: Array
     height_m: Array
-    approach_s: Array
-    approach_m: Array
-    carry_s: Array
-    carry_m: Array
-    rise_s: Array
-    rise_m: Array
-    index_s: Array
-    exchange_s: Array
 
     @property
     def park(self) -> int:
@@ -64,6 +52,72 @@ class Motions:
     def cells(self) -> int:
         """Cells of both rows, n + m: the distance in numbers from a place to the one above it."""
         return len(self.x_m) // 2
+
+
+class Times(NamedTuple):
+    """Durations and path lengths of a configuration; the last axis of the ways is ``Ways``.
+
+    Attributes:
+        approach: (2, P, n m, 2), from a place to the source cell of a pair, ``STRAIGHT`` or ``CLEARING``. Pairs count
+            target cells fastest.
+        carry: (3, n m, 2), from a pair's source to its target cell, by speed.
+        rise: (P, 2), from a place to above it.
+        row_s: (2, rows), seconds of the source and the target conveyor from each row to the next; both have one row
+            more than there are, for worlds of a batch that are over.
+        grip_s: seconds to grip.
+        release_s: seconds to release.
+        handle_s: seconds to grip and to release.
+        illegal_s: seconds that an illegal action costs.
+    """
+
+    approach: Array
+    carry: Array
+    rise: Array
+    row_s: Array
+    grip_s: float
+    release_s: float
+    handle_s: float
+    illegal_s: float
+
+
+@compiled
+def above(times: Times, place: int) -> int:
+    """The place above a place."""
+    cells = len(times.rise) // 2
+    return place + cells if place < cells else place
+
+
+@compiled
+def handling_s(times: Times, clears: bool, grips: bool) -> float:
+    """Seconds that the gripper works for a pair; the needles close at the source cell, whether they grip or not."""
+    seconds = times.grip_s
+    if clears:
+        seconds += times.handle_s
+    if grips:
+        seconds += times.release_s
+    return seconds
+
+
+@lru_cache(maxsize=16)
+def places(machine: MachineConfig, source: Tray, target: Tray) -> Places:
+    """The places of a machine over two kinds of trays."""
+    cells = cell_places(machine, source, target)
+    x = np.concatenate([cells, cells, [0.0]])
+    height = np.concatenate([np.zeros(len(cells)), np.full(len(cells) + 1, machine.lift_m)])
+    return Places(x, height)
+
+
+def times(config: TransplantingConfig) -> Times:
+    """The tables of a configuration; arrays are shared, not to be written into."""
+    process = config.process
+    return Times(
+        *_ways(config.machine, config.scenario.source, config.scenario.target),
+        _rows_s(config.machine, config.scenario),
+        process.grip_s,
+        process.release_s,
+        process.grip_s + process.release_s,
+        process.illegal_s,
+    )
 
 
 def cell_places(machine: MachineConfig, source: Tray, target: Tray) -> Array:
@@ -86,43 +140,42 @@ def exchange_m(machine: MachineConfig, tray: Tray) -> float:
     return tray.length_m - (tray.rows - 1) * tray.pitch_m + machine.tray_gap_m
 
 
+def _rows_s(machine: MachineConfig, scenario: ScenarioConfig) -> Array:
+    sides = Ends((scenario.source, scenario.source_trays), (scenario.target, scenario.target_trays))
+    row_s = np.empty((len(sides), max(tray.rows * trays for tray, trays in sides) + 1))
+    for side, (tray, _) in zip(row_s, sides, strict=True):
+        side[:] = conveyor_s(machine, tray.pitch_m)
+        side[tray.rows - 1 :: tray.rows] = conveyor_s(machine, exchange_m(machine, tray))
+    return row_s
+
+
 @lru_cache(maxsize=16)
-def motions(machine: MachineConfig, source: Tray, target: Tray) -> Motions:
-    """The tables of a configuration."""
-    cells = cell_places(machine, source, target)
-    n, m = source.columns, target.columns
-    x = np.concatenate([cells, cells, [0.0]])
-    height = np.concatenate([np.zeros(n + m), np.full(n + m + 1, machine.lift_m)])
-    ends = np.append(np.arange(n + m), len(x) - 1)
-    to_s, to_m = _gates(machine.gate(), machine.lift_m, x, height, ends)
+def _ways(machine: MachineConfig, source: Tray, target: Tray) -> tuple[Array, Array, Array]:
+    """The ways of ``Times``."""
+    where, cells = places(machine, source, target), cell_places(machine, source, target)
+    x, height, n, m = where.x_m, where.height_m, source.columns, target.columns
+    ends = np.append(np.arange(n + m), where.park)
+    to = _gates(machine.gate(), machine.lift_m, x, height, ends)
     # Standing where one has to go: no gate at all.
     same = (np.arange(len(x))[:, None] == ends) & (height[:, None] == 0.0)
-    to_s, to_m = np.where(same, 0.0, to_s), np.where(same, 0.0, to_m)
+    to[same] = 0.0
     pair_source, pair_target = np.repeat(np.arange(n), m), n + np.tile(np.arange(m), n)
-
-    def approach(table: Array) -> Array:
-        chute = n + m
-        via_target = table[:, pair_target] + table[pair_target, chute] + table[-1, pair_source]
-        return np.stack([table[:, pair_source], via_target])
-
+    chute = n + m
+    clearing = to[:, pair_target] + to[pair_target, chute] + to[-1, pair_source]
     carries = [
-        _gates(machine.gate(limit), machine.lift_m, cells, np.zeros(n + m), np.arange(n, n + m))
+        _gates(machine.gate(limit), machine.lift_m, cells, np.zeros(n + m), np.arange(n, n + m))[:n].reshape(n * m, -1)
         for limit in machine.carry_acceleration_m_s2
     ]
-    rise = np.where(height == 0.0, machine.lift_m, 0.0)
-    trays = source, target
-    return Motions(
-        x,
-        height,
-        approach(to_s),
-        approach(to_m),
-        np.stack([seconds[:n].ravel() for seconds, _ in carries]),
-        np.stack([metres[:n].ravel() for _, metres in carries]),
-        machine.gate().durations(rise, 0.0, 0.0),
-        rise,
-        np.array([conveyor_s(machine, tray.pitch_m) for tray in trays]),
-        np.array([conveyor_s(machine, exchange_m(machine, tray)) for tray in trays]),
-    )
+    rise_m = np.where(height == 0.0, machine.lift_m, 0.0)
+    rise = _way(machine.gate().durations(rise_m, 0.0, 0.0), rise_m)
+    return np.stack([to[:, pair_source], clearing]), np.stack(carries), rise
+
+
+def _way(seconds: Array, metres: Array) -> Array:
+    """Durations and lengths side by side along a new last axis, see ``Ways``."""
+    way = np.empty((*seconds.shape, 2))
+    way[..., W.s], way[..., W.m] = seconds, metres
+    return way
 
 
 def gate_motion(gate: Gate, start: Array, end: Array, level_m: float) -> StoppedPath | PathMotion:
@@ -157,12 +210,12 @@ def _hook(gate: Gate, lift_m: float, across_m: float) -> tuple[float, float]:
     return motion.duration_s, motion.path.length_m if isinstance(motion, PathMotion) else lift_m + across_m
 
 
-def _gates(gate: Gate, lift_m: float, x: Array, height: Array, ends: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Durations and path lengths (P, len(ends)) from every place to those named by ``ends``."""
+def _gates(gate: Gate, lift_m: float, x: Array, height: Array, ends: NDArray[np.int64]) -> Array:
+    """Ways (P, len(ends), 2) from every place to those named by ``ends``."""
     across = np.abs(x[:, None] - x[ends])
     rise, fall = np.broadcast_arrays((lift_m - height)[:, None], lift_m - height[ends])
     if gate.style not in _ROUNDED:
-        return gate.durations(rise, across, fall), rise + across + fall
+        return _way(gate.durations(rise, across, fall), rise + across + fall)
     seconds, metres = np.zeros(across.shape), np.zeros(across.shape)
     hooks = ((rise == 0.0) != (fall == 0.0)) & (across > 0.0)
     for row, column in zip(*np.nonzero(hooks), strict=True):
@@ -176,7 +229,7 @@ def _gates(gate: Gate, lift_m: float, x: Array, height: Array, ends: NDArray[np.
         planned = planned & ~smooth
     strokes = rise[planned], across[planned], fall[planned]
     seconds[planned], metres[planned] = gate.durations(*strokes), _lengths(gate, *strokes)
-    return seconds, metres
+    return _way(seconds, metres)
 
 
 @lru_cache(maxsize=64)
