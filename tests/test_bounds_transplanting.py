@@ -11,6 +11,7 @@ from fieldgym import bounds
 from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.bounds import transplanting
+from fieldgym.envs.transplanting.columns import W
 from fieldgym.envs.transplanting.config import (
     SCENARIOS,
     TRAYS,
@@ -20,7 +21,7 @@ from fieldgym.envs.transplanting.config import (
     Tray,
 )
 from fieldgym.envs.transplanting.core import TransplantingCore, TransplantOutcome
-from fieldgym.envs.transplanting.motions import motions
+from fieldgym.envs.transplanting.timing import places, times
 
 ID = "fieldgym/TrayTransplanting-v0"
 SEEDS = range(4)
@@ -139,16 +140,17 @@ def test_a_bound_that_a_machine_beats_is_noticed():
 def test_shares_never_exceed_the_times_that_they_split(source, motion):
     machine = MachineConfig(motion=motion)
     config = TransplantingConfig(scenario=replace(SCENARIOS["fill"], source=TRAYS[source]), machine=machine)
-    table, rng = motions(machine, TRAYS[source], TRAYS[72]), np.random.default_rng(source)
+    table, rng = times(config), np.random.default_rng(source)
+    where = places(machine, TRAYS[source], TRAYS[72])
     n, m = TRAYS[source].columns, TRAYS[72].columns
     speed, cell = rng.integers(-1, 3, (4, n)), rng.integers(0, 3, (4, m))
-    shares = transplanting.shares(table, config, speed, cell)
-    carry = table.carry_s.reshape(3, n, m)
-    approach = table.approach_s.reshape(2, -1, n, m)
+    shares = transplanting.shares(where, table, speed, cell)
+    carry = table.carry[..., W.s].reshape(3, n, m)
+    approach = table.approach[..., W.s].reshape(2, -1, n, m)
     once = config.process.grip_s + config.process.release_s
     for _ in range(40):
         # A chain of random transplants from over the chute.
-        place, total, share = table.park, 0.0, shares.once_s
+        place, total, share = where.park, 0.0, shares.once_s
         for _ in range(rng.integers(1, 6)):
             i, j, s, clear = rng.integers(n), rng.integers(m), rng.integers(3), rng.integers(2)
             total += approach[clear, place, i, j] + clear * once + carry[s, i, j]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fieldgym.agents import act_single, make_policy
+from fieldgym.envs.transplanting.columns import P
 from fieldgym.envs.transplanting.config import (
     EMPTY,
     HEALTHY,
@@ -64,14 +65,14 @@ def test_moves_of_a_decision_add_up_to_its_plan():
     for _ in range(40):
         mask = core.observe()["action_mask"][0]
         plan = core.plan(np.array([rng.choice(np.flatnonzero(mask))]))
-        times = {"travel": 0.0, "carry": 0.0}
+        times = {P.travel: 0.0, P.carry: 0.0}
         for move in moves(core, plan):
-            up = core.motions.height_m[[move.start, move.end]]
-            across = abs(core.motions.x_m[move.end] - core.motions.x_m[move.start])
+            up = core.places.height_m[[move.start, move.end]]
+            across = abs(core.places.x_m[move.end] - core.places.x_m[move.start])
             times[move.phase] += float(gates[move.limit].durations(0.15 - up[0], across, 0.15 - up[1]))
             assert move.limit == EMPTY_HANDED or move.loaded
-        assert times["travel"] == pytest.approx(plan.phases_s[0, 0], abs=1e-12)
-        assert times["carry"] == pytest.approx(plan.phases_s[0, 1], abs=1e-12)
+        assert times[P.travel] == pytest.approx(plan.phases_s[0, P.travel], abs=1e-12)
+        assert times[P.carry] == pytest.approx(plan.phases_s[0, P.carry], abs=1e-12)
         core.apply(plan, TransplantOutcome(plan.phases_s, np.zeros((1, 2))))
 
 
@@ -82,13 +83,13 @@ def test_the_cameras_reports_reach_the_rules_row_by_row():
     right = cells = 0
     for _ in range(8):
         assert not core.state.look_due.any()
-        seen = core.presented_reports()
-        truth = (
-            core.state.source_cells[0, core.state.source_row[0]],
-            core.state.target_cells[0, core.state.target_row[0]],
-        )
-        for report, cell in zip(seen, truth, strict=True):
-            right, cells = right + int(np.sum(report[0] == cell)), cells + len(cell)
+        state = core.state
+        for report, cell, row in (
+            (state.source_reports, state.source_cells, state.source_row),
+            (state.target_reports, state.target_cells, state.target_row),
+        ):
+            right += int(np.sum(report[0, row[0]] == cell[0, row[0]]))
+            cells += cell.shape[2]
         env.step(3 * core.config.scenario.pairs)
         env.step(3 * core.config.scenario.pairs + 1)
     assert right >= 0.9 * cells
@@ -97,9 +98,9 @@ def test_the_cameras_reports_reach_the_rules_row_by_row():
     pairs = np.flatnonzero(mask[:-2])
     if len(pairs):
         env.step(int(pairs[0]))
-        before = core.presented_reports()[0].copy()
+        before = core.state.source_reports[0, core.state.source_row[0]].copy()
         env.step(3 * core.config.scenario.pairs + 1)
-        assert np.array_equal(core.presented_reports()[0], before)
+        assert np.array_equal(core.state.source_reports[0, core.state.source_row[0]], before)
     env.close()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,9 +78,8 @@ def layout_of(env: Any) -> Layout:
         ValueError: the sizes of its spaces do not fit the scheme.
     """
     core = env.unwrapped.core
-    names = getattr(core, "candidate_features", None) or sys.modules[type(core).__module__].CANDIDATE_FEATURES
     actions, flat = int(core.action_space.n), int(core.observation_space["candidates"].shape[0])
-    features = len(names)
+    features = len(core.candidate_features)
     candidates, rest = divmod(flat, features)
     # A task that repeats its scheme once a cart speed says how long one repetition is.
     base = int(getattr(core, "base_actions", actions))

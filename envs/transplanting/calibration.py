@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...perception.trays import CellLook, Cells, TraySettings, decide, look_at_cells
 from .config import REPORTS, SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, TRAYS, MachineConfig, TransplantingConfig
-from .field import draw_blocks, draw_field, random_numbers
+from .field import draw_batch
 from .scene import SIDES, Side, TrayLine, TrayScene
 
 FIT_SEED, MEASURE_SEED = 7_000_000, 8_000_000
@@ -51,7 +51,7 @@ def collect_pair(source: int, target: int, rows: int, first_seed: int) -> dict[S
     samples: dict[Side, list[Sample]] = {side: [] for side in SIDES}
     scene, seed, gap_m = TrayScene(TransplantingConfig(scenario=work)), first_seed, MachineConfig().tray_gap_m
     while any(len(seen) < rows for seen in samples.values()):
-        field = draw_field(work, *draw_blocks([np.random.default_rng(seed)], random_numbers(work)))
+        field = draw_batch(work, [np.random.default_rng(seed)])
         seed += 1
         lines = (
             TrayLine(work.source, field.source[0], field.source_lot[0], np.zeros(field.source[0].shape, bool), gap_m),

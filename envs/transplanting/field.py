@@ -138,9 +138,13 @@ def draw_batch(scenario: ScenarioConfig, generators: Sequence[np.random.Generato
 
 def stacked(fields: Sequence[TrayField], source: Shape, target: Shape) -> TrayBatch:
     """The batch of fields that have every cell of their trays, which are of these shapes."""
+    worlds = len(fields)
     batch = TrayBatch(
-        *(np.empty((len(fields), *shape), np.int8) for shape in (source, target)),
-        *(np.empty((len(fields), *shape)) for shape in ((*source, len(_LUCKS)), source, target)),
+        np.empty((worlds, *source), np.int8),
+        np.empty((worlds, *target), np.int8),
+        np.empty((worlds, *source, len(_LUCKS))),
+        np.empty((worlds, *source)),
+        np.empty((worlds, *target)),
     )
     for world, field in enumerate(fields):
         assert field.target is not None
@@ -156,14 +160,9 @@ def unstacked(batch: TrayBatch) -> list[TrayField]:
     """The fields of a batch, their cells row by row."""
     fields = []
     for source, target, luck, source_lot, target_lot in zip(*batch, strict=True):
-        plugs = luck.reshape(-1, len(_LUCKS)).T
-        here, there = (np.indices(cells.shape).reshape(2, -1) for cells in (source, target))
-        fields.append(
-            TrayField(
-                SourceCells(*here, source.ravel(), source_lot.ravel(), **dict(zip(_LUCKS, plugs, strict=True))),
-                TargetCells(*there, target.ravel(), target_lot.ravel()),
-            )
-        )
+        lucks = dict(zip(_LUCKS, luck.reshape(-1, len(_LUCKS)).T, strict=True))
+        plugs = SourceCells(*_places(source.shape), source.ravel(), source_lot.ravel(), **lucks)
+        fields.append(TrayField(plugs, TargetCells(*_places(target.shape), target.ravel(), target_lot.ravel())))
     return fields
 
 
@@ -214,13 +213,18 @@ def _every_cell(side: str, table: CellsT, shape: Shape) -> CellsT:
             f"{int(first[np.searchsorted(known, cell[i])]) + 1}: remove one"
         )
     # Where no cell is given there is an empty one.
+    completed = {name: np.full(rows * columns, kind.absent) for name, kind in table.columns().items()}
+    completed["state"][:] = EMPTY
+    for name, values in table.arrays().items():
+        completed[name][cell] = values
+    completed["row"], completed["column"] = _places(shape)
+    return replace(table, **completed)
+
+
+def _places(shape: tuple[int, ...]) -> tuple[Whole, Whole]:
+    """Row and column of every cell, row by row."""
     row, column = np.indices(shape).reshape(2, -1)
-    completed: dict[str, NDArray[np.generic]] = {"row": row, "column": column, "state": np.full(len(row), EMPTY)}
-    for name, kind in table.columns().items():
-        if name not in ("row", "column"):
-            values = completed.setdefault(name, np.full(len(row), kind.absent))
-            values[cell] = getattr(table, name)
-    return type(table)(**completed)
+    return row, column
 
 
 def _sow(scenario: ScenarioConfig, tray: Tray, trays: int, normal: Array) -> Cells:

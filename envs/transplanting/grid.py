@@ -8,10 +8,10 @@
     . . o
     . o .
 
-``.`` or ``empty``, ``o`` or ``healthy``, ``x`` or ``poor``; signs may stand without spaces. The first line of a block is
-the row that comes first, tray goes on behind tray. Without the words ``source`` and ``target`` an empty line parts the
-two blocks; with them empty lines only part trays. A map without a target block is one of trays that come empty. What
-follows a ``#`` is not read.
+``.`` or ``empty``, ``o`` or ``healthy``, ``x`` or ``poor``; signs may stand without spaces. The first line of a block
+is the row that comes first, tray goes on behind tray. Without the words ``source`` and ``target`` an empty line parts
+the two blocks; with them empty lines only part trays. Target trays that are not drawn come empty. What follows a ``#``
+is not read.
 """
 
 from __future__ import annotations

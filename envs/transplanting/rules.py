@@ -194,7 +194,7 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: TransplantPlan, phases_s:
         elapsed = 0.0
         for phase in range(_PHASES):
             elapsed += phases_s[w, phase]
-            totals[T.travel + phase] += phases_s[w, phase]
+            totals[T.travel_s + phase] += phases_s[w, phase]
         totals[T.time] += elapsed
         totals[T.travel_m] += plan.travel_m[w]
         gain, spoiled = 0.0, 0.0
@@ -338,7 +338,7 @@ def score_worlds(worlds: Worlds) -> Array:
         result[w, S.damaged] = totals[T.damaged]
         result[w, S.illegal] = totals[T.illegal]
         for phase in range(_PHASES):
-            result[w, S.phase_travel_s + phase] = totals[T.travel + phase]
+            result[w, S.phase_travel_s + phase] = totals[T.travel_s + phase]
         result[w, S.lost] = totals[T.lost]
         result[w, S.torn] = totals[T.torn]
         result[w, S.wasted] = totals[T.wasted]

@@ -18,11 +18,11 @@ from scipy.interpolate import CubicSpline
 from ...motion import QUINTIC, Gate, PathMotion, StoppedPath, minimum_time, rounded
 from ..compiled import compiled
 from ..core import Array
-from .columns import Ends, W
+from .columns import E, W
 from .config import MachineConfig, ScenarioConfig, TransplantingConfig, Tray
 
 STRAIGHT, CLEARING = range(2)
-"""Ways to a pair's source cell: straight, or by way of the target cell and the chute, to clear the target cell first."""
+"""Ways to a pair's source cell: straight, or by way of the target cell and the chute where that must be cleared."""
 _NARROWEST_M = 0.02
 _NODES = 17
 """Widths at which the time-optimal gate is planned; a cubic spline between them is within 0.2 % (tested)."""
@@ -62,8 +62,8 @@ class Times(NamedTuple):
             target cells fastest.
         carry: (3, n m, 2), from a pair's source to its target cell, by speed.
         rise: (P, 2), from a place to above it.
-        row_s: (2, rows), seconds of the source and the target conveyor from each row to the next; both have one row
-            more than there are, for worlds of a batch that are over.
+        row_s: (2, rows), seconds of each conveyor (see ``Ends``) from each row to the next; there is one row more
+            than there are, for worlds of a batch that are over.
         grip_s: seconds to grip.
         release_s: seconds to release.
         handle_s: seconds to grip and to release.
@@ -141,8 +141,8 @@ def exchange_m(machine: MachineConfig, tray: Tray) -> float:
 
 
 def _rows_s(machine: MachineConfig, scenario: ScenarioConfig) -> Array:
-    sides = Ends((scenario.source, scenario.source_trays), (scenario.target, scenario.target_trays))
-    row_s = np.empty((len(sides), max(tray.rows * trays for tray, trays in sides) + 1))
+    sides = (scenario.source, scenario.source_trays), (scenario.target, scenario.target_trays)
+    row_s = np.empty((len(E), max(tray.rows * trays for tray, trays in sides) + 1))
     for side, (tray, _) in zip(row_s, sides, strict=True):
         side[:] = conveyor_s(machine, tray.pitch_m)
         side[tray.rows - 1 :: tray.rows] = conveyor_s(machine, exchange_m(machine, tray))
