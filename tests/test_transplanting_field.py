@@ -165,8 +165,8 @@ def test_cells_that_are_not_given_are_empty_and_their_luck_is_drawn():
         ),
         ([(0, 0, H), (1, 3, H)], [], "source 2: row 1, column 3 lies outside"),
         ([(0, 0, H)], [(0, 2, E)], "target 1: row 0, column 2 lies outside the target trays: .* columns 0 to 1"),
-        ([(1, 1, H), (0, 0, H), (1, 1, P)], [], "source 3: row 1, column 1 is given twice, first as source 1"),
-        ([(0, 0, 3)], [], "source 1: state = 3"),
+        ([(1, 1, H), (0, 0, H), (1, 1, P)], [], "source 3: row 1, column 1 is given twice: remove one"),
+        ([(0, 0, 3)], [], "source 1: state = 3: give empty, healthy, poor"),
         ([(0, 0, -1)], [], "source 1: state is missing"),
         ([(-2, 0, H)], [], "source 1: row = -2"),
     ],
@@ -182,7 +182,7 @@ def test_what_does_not_fit_the_trays_is_named(source, target, word):
     assert "\n" not in str(caught.value)
 
 
-def test_trays_come_from_plain_maps_and_go_back():
+def test_trays_come_from_plain_maps_and_go_back(tmp_path):
     signs = "source\no o x\n. . o   # second row\n\n\no.o\ntarget:\n\n. o\n"
     words = "healthy healthy poor\nempty empty healthy\nhealthy empty healthy\n\nempty healthy\n"
     source, target = [[H, H, P], [E, E, H], [H, E, H]], [[E, H]]
@@ -191,7 +191,9 @@ def test_trays_come_from_plain_maps_and_go_back():
     assert read_grid("ooo", "d") == ([[H, H, H]], [])
     assert TrayField.from_text(signs, "a") == TrayField.of_cells(source, target)
     env: Any = gym.make(ID, backend="analytic", disable_env_checker=True).unwrapped
-    env.reset(seed=0, options={"field": TrayField.from_text(signs, "a")})
+    path = tmp_path / "trays.txt"
+    path.write_text(signs, encoding="utf-8")
+    env.reset(seed=0, options={"field": path})
     assert env.core.state.source_cells[0, :3, :3].tolist() == source
 
 
@@ -200,11 +202,11 @@ def test_trays_come_from_plain_maps_and_go_back():
     [
         ("", "map.txt: no source trays"),
         ("target\n. .\n", "map.txt: no source trays"),
-        ("o o\no q\n", r"map.txt line 2, cell 2: 'q' is no cell: write \. or empty, o or healthy, x or poor"),
-        ("o o\no o o\n", "map.txt line 2: 3 cells, the first row of the source trays has 2"),
-        ("o\n\n.\n\n.\n", "map.txt line 5: a third block begins"),
-        ("source\no\nsource\no\n", "map.txt line 3: the block 'source' begins here again"),
-        ("o\n\ntarget\n.\n", "map.txt line 3: .*'target'"),
+        ("o o\no q\n", r"map.txt:2: cell 2: 'q' is no cell: write \. or empty, o or healthy, x or poor"),
+        ("o o\no o o\n", "map.txt:2: 3 cells, the first row of the source trays has 2"),
+        ("o\n\n.\n\n.\n", "map.txt:5: a third block begins"),
+        ("source\no\nsource\no\n", "map.txt:3: the block 'source' begins here again"),
+        ("o\n\ntarget\n.\n", "map.txt:3: .*'target'"),
     ],
 )
 def test_maps_that_cannot_be_read_are_named_with_their_line(text, word):

@@ -198,9 +198,9 @@ def _every_cell(side: str, table: CellsT, shape: Shape) -> CellsT:
     outside = (table.row >= rows) | (table.column >= columns)
     if outside.any():
         i = int(np.argmax(outside))
+        known = f"rows 0 to {rows - 1} and columns 0 to {columns - 1}"
         raise FieldError(
-            f"{side} {i + 1}: row {table.row[i]}, column {table.column[i]} lies outside the {side} trays: give rows 0 "
-            f"to {rows - 1} and columns 0 to {columns - 1}"
+            f"row {table.row[i]}, column {table.column[i]} lies outside the {side} trays: give {known}", side, i
         )
     cell = table.row * columns + table.column
     if len(cell) == rows * columns and (np.diff(cell) > 0).all():
@@ -208,10 +208,7 @@ def _every_cell(side: str, table: CellsT, shape: Shape) -> CellsT:
     known, first = np.unique(cell, return_index=True)
     if len(known) < len(cell):
         i = int(np.setdiff1d(np.arange(len(cell)), first)[0])
-        raise FieldError(
-            f"{side} {i + 1}: row {table.row[i]}, column {table.column[i]} is given twice, first as {side} "
-            f"{int(first[np.searchsorted(known, cell[i])]) + 1}: remove one"
-        )
+        raise FieldError(f"row {table.row[i]}, column {table.column[i]} is given twice: remove one", side, i)
     # Where no cell is given there is an empty one.
     completed = {name: np.full(rows * columns, kind.absent) for name, kind in table.columns().items()}
     completed["state"][:] = EMPTY

@@ -43,7 +43,7 @@ def read_grid(text: str, where: str) -> tuple[Block, Block]:
     blocks: dict[str, Block] = {}
     head, headed, gap = "", False, True
     for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
-        at, words = f"{where} line {number}", line.split("#")[0].lower().split()
+        at, words = f"{where}:{number}", line.split("#")[0].lower().split()
         if not words:
             gap = gap or line.strip() == ""
             continue
@@ -84,5 +84,5 @@ def _row(words: list[str], at: str) -> list[int]:
     for place, cell in enumerate(cells, start=1):
         if cell not in _CELLS:
             shown = cell if len(cell) <= 20 and cell.isprintable() else "this"
-            raise FieldError(f"{at}, cell {place}: {shown!r} is no cell: write {_ADVICE}")
+            raise FieldError(f"{at}: cell {place}: {shown!r} is no cell: write {_ADVICE}")
     return [_CELLS[cell] for cell in cells]
