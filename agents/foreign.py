@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import inspect
 import sys
 import sysconfig
 import traceback
 from collections.abc import Callable
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -46,7 +46,7 @@ def told(error: BaseException) -> str:
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}, line {error.lineno}: {type(error).__name__}: {error.msg}"
     frames = traceback.extract_tb(error.__traceback__)
-    frames = [frame for frame in frames if frame.filename != __file__ and not frame.filename.startswith("<frozen")]
+    frames = [frame for frame in frames if not frame.filename.startswith(_PASSING)]
     frames = [frame for frame in frames if not _installed(frame.filename)] or frames
     where = f"{frames[-1].filename}, line {frames[-1].lineno}: " if frames else ""
     return where + " ".join(f"{type(error).__name__}: {error}".split())
@@ -129,7 +129,7 @@ def module_named(name: str) -> ModuleType:
     Raises:
         ForeignError: it cannot be imported.
     """
-    return guarded(lambda: import_module(name))
+    return guarded(lambda: importlib.import_module(name))
 
 
 def made(factory: Callable[..., Any], env: Any, seed: int) -> Any:
@@ -166,5 +166,7 @@ def _installed(filename: str) -> bool:
     return filename.startswith(_INSTALLED)
 
 
+_PASSING = (__file__, str(importlib.__file__), "<frozen")
+"""Files that an import of somebody's code goes through."""
 _INSTALLED = (*(sysconfig.get_paths()[part] for part in ("stdlib", "platstdlib", "purelib", "platlib")),)
 _INSTALLED += (str(Path(__file__).resolve().parents[1]),)

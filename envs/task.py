@@ -169,9 +169,7 @@ def task(env_id: str) -> TaskSpec:
     module, _, bare = env_id.rpartition(":")
     if module and bare not in _TASKS:
         try:
-            for value in vars(import_module(module)).values():
-                if isinstance(value, TaskSpec):
-                    register_task(value)
+            register_from(module)
         except ImportError as error:
             raise ValueError(f"environment {env_id!r}: cannot import {module} ({error})") from None
     load_plugins()
@@ -180,6 +178,13 @@ def task(env_id: str) -> TaskSpec:
     from .assembly import meant
 
     raise ValueError(f"environment {bare!r} is unknown: {meant(bare, tuple(_TASKS))}")
+
+
+def register_from(module: str) -> None:
+    """Import a module and register the specifications that stand in it."""
+    for found in vars(import_module(module)).values():
+        if isinstance(found, TaskSpec):
+            register_task(found)
 
 
 def factories(env_id: str) -> dict[str, str | Factory]:

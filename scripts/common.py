@@ -74,13 +74,14 @@ def environment_id(name: str) -> str:
     Raises:
         CommandError: there is no such environment, or its module fails.
     """
-    from fieldgym.agents.foreign import ForeignError, module_named
+    from fieldgym.agents.foreign import ForeignError, guarded
     from fieldgym.envs import env_ids
+    from fieldgym.envs.task import register_from
 
     module, _, bare = name.rpartition(":")
     if module:
         try:
-            module_named(module)
+            guarded(lambda: register_from(module))
         except ForeignError as error:
             raise CommandError(f"environment {name!r}: {error}") from None
     ids = env_ids()

@@ -227,6 +227,7 @@ def test_a_registered_policy_is_made_by_the_same_rule(monkeypatch: pytest.Monkey
     env.close()
 
 
+@pytest.mark.slow
 def test_a_saved_model_needs_trust_and_then_decides(env: Any, tmp_path: Path):
     contrib = pytest.importorskip("sb3_contrib")
     from stable_baselines3 import PPO
