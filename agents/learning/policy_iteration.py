@@ -27,6 +27,7 @@ from ..policies.sorting import time_left_s
 from ..policies.sorting_value import describe_all, elapsed_s, gain_features
 from ..policies.value_weights import GAINS, SHAPES, VALUE, ValueWeights
 from ..registry import make_policy
+from ..rollout import batch_decisions
 from .portable import replace_file
 from .runs import BEST, CheckpointError, Progress, Record, Result, first_training_seed
 from .train_settings import TrainSettings, algorithms
@@ -166,17 +167,16 @@ class _Run:
         """Play the round's episodes to their ends, decision by decision."""
         progress, record, env = self.record.progress, self.record, self.env
         observation, _ = env.reset(seed=self._seeds())
-        under_way, total = np.ones(self.settings.episodes, bool), np.zeros(self.settings.episodes)
-        while under_way.any():
-            actions = policy.act(observation)
-            progress.acting_s += record.lap()
-            following, rewards, terminated, truncated, _ = env.step(actions)
-            progress.environment_s += record.lap()
-            progress.steps += int(under_way.sum())
-            total += rewards * under_way
-            yield Moment(observation, actions, rewards * under_way, under_way)
+        total = np.zeros(self.settings.episodes)
+        for decision in batch_decisions(env, policy, observation):
+            stepped_s = record.lap() - decision.thought_s
+            progress.acting_s += decision.thought_s
+            progress.environment_s += stepped_s
+            progress.steps += int(decision.under_way.sum())
+            earned = decision.rewards * decision.under_way
+            total += earned
+            yield Moment(decision.observation, decision.actions, earned, decision.under_way)
             progress.learning_s += record.lap()
-            observation, under_way = following, under_way & ~(terminated | truncated)
         card = {
             name: mean(values)
             for name, values in zip(env.unwrapped.core.score_names, env.unwrapped.core.scores().T, strict=True)
