@@ -8,14 +8,21 @@ from typing import Annotated, Any
 
 import typer
 
-from fieldgym.scripts.common import CommandError, chosen, environment_id, told_in_one_line
+from fieldgym.scripts.common import (
+    CommandError,
+    Scenario,
+    Sets,
+    chosen,
+    environment_id,
+    numbers_of,
+    told_in_one_line,
+)
 
 app = typer.Typer(help="Fields in files: draw, check, show, convert.", no_args_is_help=True)
 
 Env = Annotated[str, typer.Argument(metavar="ID", help="An environment; see fieldgym list.", show_default=False)]
 EnvOption = Annotated[str, typer.Option("--env", metavar="ID", help="An environment; see fieldgym list.")]
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A .csv or .geojson field.", show_default=False)]
-Scenario = Annotated[str | None, typer.Option(metavar="NAME|FILE", help="By default the headline scenario.")]
 Perception = Annotated[str | None, typer.Option(help="By default what suits the analytic backend.")]
 Seed = Annotated[int, typer.Option(help="Of the environment's chance.")]
 Unit = Annotated[str, typer.Option(help="Of the file's lengths: m, cm, mm or px.")]
@@ -27,6 +34,7 @@ def draw(
     env: Env,
     out: Annotated[Path, typer.Option(metavar="FILE", help="A .csv or .geojson file.")],
     scenario: Scenario = None,
+    sets: Sets = None,
     seed: Seed = 0,
     perception: Perception = None,
 ) -> None:
@@ -39,7 +47,7 @@ def draw(
     from fieldgym.envs.field_files import write_field
 
     with told_in_one_line():
-        core = _core(env, scenario, perception)
+        core = _core(env, scenario, sets, perception)
         field = core.draw_field(_generator(seed))
         write_field(field, out)
     typer.echo(f"{out}: {_counts(field)}")
@@ -50,6 +58,7 @@ def check(
     file: File,
     env: EnvOption,
     scenario: Scenario = None,
+    sets: Sets = None,
     perception: Perception = None,
     unit: Unit = "m",
     scale: Scale = None,
@@ -68,7 +77,7 @@ def check(
     from fieldgym.envs.options import completed
 
     with told_in_one_line():
-        core = _core(env, scenario, perception)
+        core = _core(env, scenario, sets, perception)
         given = read_field(file, core.field_type, unit, scale)
         whole = completed(core, given, _generator(seed))
         typer.echo(f"{file}: {_counts(given)}")
@@ -85,6 +94,7 @@ def show(
     env: EnvOption,
     out: Annotated[Path, typer.Option(metavar="PICTURE", help="A .png, .svg or .pdf file.")],
     scenario: Scenario = None,
+    sets: Sets = None,
     unit: Unit = "m",
     scale: Scale = None,
 ) -> None:
@@ -98,7 +108,7 @@ def show(
     from fieldgym.envs.field_picture import picture
 
     with told_in_one_line():
-        core = _core(env, scenario, None)
+        core = _core(env, scenario, sets, None)
         field = read_field(file, core.field_type, unit, scale)
         try:
             picture(field, out, file.name, core.window)
@@ -122,7 +132,7 @@ def columns(
     from fieldgym.envs.field_schema import column_lines, markdown, summary
 
     with told_in_one_line():
-        field_type = _core(env, None, None).field_type
+        field_type = _core(env, None, None, None).field_type
     if as_markdown:
         typer.echo(markdown(field_type), nl=False)
         return
@@ -140,13 +150,13 @@ def columns(
         console.print(table)
 
 
-def _core(env: str, scenario: str | None, perception: str | None) -> Any:
+def _core(env: str, scenario: str | None, sets: list[str] | None, perception: str | None) -> Any:
     """The rules of an environment, one world."""
     from fieldgym.envs import task
 
     parts = task(environment_id(env)).assembly
     level = chosen(perception or parts.default_perception("analytic"), parts.perceptions, "perception")
-    config = parts.configured(scenario)
+    config = parts.configured(scenario, overrides=numbers_of(sets or ()))
     return parts.core(config, parts.perception_model(level, config), 1)
 
 
