@@ -22,6 +22,7 @@ class Heads(Table):
     mass_g: Array = number("g", 0.0, 9.0, "useful filaments", fill=1.5)
     shoots: Whole = whole(0, 9, "shoots on its stem", fill=2)
     hidden: Flags = flag("behind a leaf", fill=0)
+    stands: Flags = flag("on a stem of its own", fill=1)
     luck: Array = number("", -9.0, 9.0, "decides the cut", fill="normal")
 
 
@@ -59,6 +60,7 @@ def drawn(seed: int, heads: int = 7, reports: int | None = 5) -> RowField:
         mass_g=mass_g,
         shoots=g.integers(-1, 9, heads),
         hidden=g.random(heads) < 0.5,
+        stands=g.random(heads) < 0.5,
         luck=np.clip(g.standard_normal(heads), -9, 9),
     )
     if reports is None:
@@ -93,18 +95,37 @@ def read(tmp_path: Path, text: str | bytes, name: str = "f.csv", **how: object) 
 
 
 def test_a_short_file_of_the_main_kind(tmp_path: Path):
-    text = "\ufeff# counted by hand\n\nalong_m, across_m ,stage,hidden\r\n0.5,-0.1,open,1\r\n,,,\r\n1.5e0,.2,dry,\r\n"
+    text = "\ufeff# counted by hand\n\nstage,along_m, across_m ,hidden,stands\r\n"
+    text += "open,0.5,-0.1,1,0\r\n,,,,\r\ndry,1.5e0,.2,,\r\n"
     field = read(tmp_path, text)
     assert field.head.along_m.tolist() == [0.5, 1.5]
     assert field.head.across_m.tolist() == [-0.1, 0.2]
     assert field.head.stage.tolist() == [1, 2]
     assert field.head.hidden.tolist() == [True, False]
+    assert field.head.stands.tolist() == [False, True]
     assert np.isnan(field.head.mass_g).all()
     assert field.head.shoots.tolist() == [-1, -1]
     assert field.report is None
     assert len(field.weather) == 0
     assert field.origin is not None
     assert field.origin.lines["head"] == [4, 6]
+
+
+def test_places_come_first_whatever_the_declaration_s_order(tmp_path: Path):
+    @dataclass(frozen=True, eq=False)
+    class Marks(Table):
+        name: Whole = label(("here", "there"), "which mark")
+        along_m: Array = number("m", 0.0, 4.0, "place along the row")
+
+    @dataclass(frozen=True, eq=False)
+    class MarkField(Field):
+        task: ClassVar[str] = "marks"
+        main: ClassVar[str] = "mark"
+
+        mark: Marks
+
+    write_field(MarkField(Marks(np.array([1]), np.array([2.5]))), tmp_path / "f.csv")
+    assert (tmp_path / "f.csv").read_text().splitlines()[1:] == ["kind,along_m,name", "mark,2.5,there"]
 
 
 @pytest.mark.parametrize(
