@@ -15,10 +15,12 @@ from .field import Field, Table
 WIDTH_IN = 12.0
 COLOURS = ("#2747b8", "#e8641f", "#057b69", "#9058b7", "#0a93e6", "#840f5b", "#6b5500")
 MARKERS = "osD^vPX*"
+CELLS = ("#e4e7ea", "#057b69", "#e8641f", "#2747b8", "#9058b7", "#0a93e6", "#840f5b", "#6b5500")
 GRID = ("column", "row")
 """Axes of tables that count cells instead of measuring places."""
 INK, QUIET, FAINT = "#1c2127", "#59626d", "#e4e7ea"
 _TALLEST_IN, _LOWEST_IN = 6.0, 1.1
+_LARGEST_CELL_IN = 0.45
 _MOST_ROWS = 12
 
 Window = Mapping[str, tuple[float, float]]
@@ -66,7 +68,7 @@ def picture(field: Field, path: str | PathLike[str], title: str = "", window: Wi
             _draw_places(figure, field, groups, views, window)
         else:
             _draw_cells(figure, field, groups)
-        handles = [_handle(group, bool(views)) for group in groups]
+        handles = [_handle(group, bool(views)) for group in groups if group.rows.any()]
         if handles:
             figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 6), frameon=False)
         counts = ", ".join(f"{len(table)} {kind}" for kind, table in field.tables())
@@ -85,7 +87,7 @@ def _groups(field: Field) -> list[_Group]:
             groups.append(_Group(kind, table, np.ones(len(table), bool), colour, MARKERS[0], hollow))
             continue
         values = getattr(table, named[0])
-        shades = _shades(colour, len(named[1].labels))
+        shades = _shades(colour, 1 if hollow else len(named[1].labels)) * len(named[1].labels)
         for value, (name, marker) in enumerate(zip(named[1].labels, _repeated(MARKERS), strict=False)):
             groups.append(_Group(f"{kind}: {name}", table, values == value, shades[value], marker, hollow))
     return groups
@@ -162,7 +164,7 @@ def _draw_cells(figure: Any, field: Field, groups: Sequence[_Group]) -> None:
         return
     rows = [int(table.row.max(initial=0)) + 1 for _, table in tables]  # type: ignore[attr-defined]
     columns = [int(table.column.max(initial=0)) + 1 for _, table in tables]  # type: ignore[attr-defined]
-    cell_in = min(0.45, WIDTH_IN / (sum(columns) + 4 * len(columns)))
+    cell_in = min(_LARGEST_CELL_IN, 1.3 * _TALLEST_IN / max(rows), WIDTH_IN / (sum(columns) + 4 * len(columns)))
     figure.set_size_inches(WIDTH_IN, max(3.0, cell_in * max(rows) + 1.6))
     axes = figure.subplots(1, len(tables), squeeze=False, width_ratios=columns)[0]
     for ax, (kind, table), height, width in zip(axes, tables, rows, columns, strict=True):
@@ -178,12 +180,12 @@ def _draw_cells(figure: Any, field: Field, groups: Sequence[_Group]) -> None:
         size = (72.0 * cell_in * 0.62) ** 2
         for group in groups:
             if group.table is table:
-                look = {**_look(group), "s": size, "facecolors": _cell_colour(group)}
-                ax.scatter(table.column[group.rows], table.row[group.rows], **look)  # type: ignore[attr-defined]
+                look = {"s": size, "marker": group.marker, "facecolors": _cell_colour(group), "edgecolors": QUIET}
+                ax.scatter(table.column[group.rows], table.row[group.rows], linewidths=0.5, **look)  # type: ignore[attr-defined]
 
 
 def _cell_colour(group: _Group) -> str:
-    return COLOURS[MARKERS.index(group.marker) % len(COLOURS)]
+    return CELLS[MARKERS.index(group.marker)]
 
 
 def _look(group: _Group) -> dict[str, Any]:
@@ -195,15 +197,15 @@ def _look(group: _Group) -> dict[str, Any]:
 def _handle(group: _Group, measured: bool) -> Any:
     from matplotlib.lines import Line2D
 
-    colour = group.colour if measured else _cell_colour(group)
+    hollow, colour = group.hollow and measured, group.colour if measured else _cell_colour(group)
     return Line2D(
         [],
         [],
         linestyle="",
         marker=group.marker,
-        markeredgecolor=group.colour if group.hollow else INK,
+        markeredgecolor=colour if hollow else INK,
         markeredgewidth=0.5,
-        markerfacecolor="none" if group.hollow and measured else colour,
+        markerfacecolor="none" if hollow else colour,
         label=f"{group.name} ({int(group.rows.sum())})",
     )
 
@@ -216,7 +218,7 @@ def _span(groups: Sequence[_Group], name: str, window: Window) -> tuple[float, f
     if not len(values):
         return 0.0, 1.0
     low, high = float(values.min()), float(values.max())
-    margin = 0.05 * (high - low) or 0.05
+    margin = 0.08 * (high - low) or 0.05
     return low - margin, high + margin
 
 
