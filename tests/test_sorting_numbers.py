@@ -1,6 +1,7 @@
 """Every number of produce sorting against its own formula, written down a second time without the package's kernels."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -21,7 +22,16 @@ from fieldgym.envs.sorting.columns import (
     Truth,
     candidate_table,
 )
-from fieldgym.envs.sorting.config import GRADES, GripConfig, SortingConfig
+from fieldgym.envs.sorting.config import (
+    GRADES,
+    BeltConfig,
+    GripConfig,
+    MachineConfig,
+    PerceptionModel,
+    ProduceConfig,
+    ScenarioConfig,
+    SortingConfig,
+)
 from fieldgym.envs.sorting.field import ProduceField, Reports
 from fieldgym.envs.sorting.process import Fingers, grip_quality, holds, slips
 from fieldgym.envs.sorting.reach import TILTS_RAD, YAWS_RAD, radii
@@ -331,3 +341,37 @@ def test_a_setting_is_refused_in_a_line_or_works(name):
 @pytest.mark.parametrize("name", sorted(set(leaves()) - set(QUICK)))
 def test_any_setting_is_refused_in_a_line_or_works(name):
     assert not all([played(name, value) for value in tries(name)])
+
+
+@pytest.mark.parametrize(
+    ("make", "word"),
+    [
+        (lambda: gym.make(ID, scenario="orchard"), "scenario"),
+        (lambda: gym.make(ID, backend="gazebo"), "backend"),
+        (lambda: gym.make(ID, perception="lidar"), "perception"),
+        (lambda: gym.make(ID, slots=0), "slots"),
+        (lambda: gym.make_vec(ID, num_envs=2, backend="pybullet"), "batched"),
+        (lambda: gym.make_vec(ID, num_envs=2, perception="camera"), "batched"),
+        (lambda: ScenarioConfig(-1.0), "load"),
+        (lambda: ScenarioConfig(1.0, clump=0.5), "clump"),
+        (lambda: ScenarioConfig(1.6, clump=9.0, clump_gap_s=3.0), "clump_gap_s"),
+        (lambda: replace(GRIP, misfit_sigma=0.0), "misfit_sigma"),
+        (lambda: replace(GRIP, best=1.2), "best"),
+        (lambda: MachineConfig(tilt_limit_rad=0.6), "tilt_limit_rad"),
+        (lambda: MachineConfig(travel_level_m=0.2), "travel_level_m"),
+        (lambda: BeltConfig(bins_m=((0.0, 0.2),)), "bins_m"),
+        (lambda: BeltConfig(camera_x_m=-0.05), "camera_x_m"),
+        (lambda: BeltConfig(start_x_m=0.3), "start_x_m"),
+        (lambda: BeltConfig(width_m=0.2), "item_half_width_m"),
+        (lambda: SortingConfig(belt=BeltConfig(bins_m=((0.0, 0.4),) * 4)), "cannot reach"),
+        (lambda: replace(PerceptionModel.perfect(), confusion=((0.5, 0.0, 0.0, 0.0),) * 4), "sum to 1"),
+        (lambda: ProduceConfig(tuber_length_m=(0.08, 0.04)), "smaller one first"),
+        (lambda: ProduceConfig(value=(1.0,)), "value"),  # type: ignore[arg-type]
+        (lambda: ProduceConfig(tuber_width=(0.9, 1.3)), "tuber_width"),
+        (lambda: SortingConfig(belt=BeltConfig(speed_m_s=0.7)), "speed_m_s"),
+    ],
+)
+def test_bad_settings_are_named(make, word):
+    with pytest.raises(ValueError, match=word) as caught:
+        make()
+    assert "\n" not in str(caught.value)

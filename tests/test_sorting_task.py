@@ -6,8 +6,6 @@ from itertools import permutations
 import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.policies.sorting import RecedingHorizon
@@ -15,21 +13,16 @@ from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.sorting import reach
 from fieldgym.envs.sorting.columns import CANDIDATE, TOTAL, candidate_table
 from fieldgym.envs.sorting.config import (
-    GRADES,
     SCENARIOS,
     BeltConfig,
     GripConfig,
-    MachineConfig,
     PerceptionModel,
-    ProduceConfig,
-    ScenarioConfig,
     SortingConfig,
 )
 from fieldgym.envs.sorting.core import SortingCore
 from fieldgym.envs.sorting.field import Items, ProduceField, Reports
 from fieldgym.envs.sorting.machine import PyBulletSorter
 from fieldgym.envs.sorting.motions import PickMotion, follow_share
-from fieldgym.envs.sorting.process import Fingers, grip_quality, holds, slips
 from fieldgym.envs.sorting.reports import wrapped
 from fieldgym.envs.sorting.state import NOTHING, PICK, WAIT
 from fieldgym.mechanisms import ThreePRRS
@@ -185,18 +178,6 @@ def test_waiting_and_illegal_actions_cost_time_and_nothing_else():
     assert scores(core)["illegal"] == 1 and not core.state.place.any() and not result.rewards.any()
 
 
-def test_features_are_what_the_plan_then_takes():
-    core = toy(
-        [{"passing_s": 1.0 + 1.2 * i, "across_m": 0.03 * (i - 2), "yaw_rad": 0.3 * i, "grade": i % 4} for i in range(5)]
-    )
-    for slot in (3, 0, 1):
-        row = candidate_table(core.observe())[0, slot]
-        _, result = decide(core, slot)
-        assert result.phases_s[0, 1] == pytest.approx(row[CANDIDATE.approach], rel=1e-5)
-        assert result.phases_s[0, 0] == pytest.approx(4.0 * row[CANDIDATE.wait], rel=1e-5, abs=1e-6)
-        assert result.phases_s.sum() == pytest.approx(2.0 * row[CANDIDATE.cycle], rel=1e-5)
-
-
 def test_the_time_limit_of_a_pick_is_its_slack():
     core = toy([{"passing_s": 0.0}])
     slack = 4.0 * candidate_table(core.observe())[0, 0, CANDIDATE.slack]
@@ -276,30 +257,6 @@ def test_the_ramp_is_the_integral_of_the_law():
     slope = np.diff(follow_share(tau)) / np.diff(tau)
     assert slope == pytest.approx(QUINTIC.shape(0.5 * (tau[1:] + tau[:-1]))[0], abs=1e-6)
     assert follow_share(np.array([1.0]))[0] == pytest.approx(0.5)
-
-
-@settings(deadline=None)
-@given(st.floats(0.0, 0.02), st.floats(-0.02, 0.02), st.floats(0.0, 0.3), st.floats(0.0, 0.3))
-def test_a_worse_fit_never_grips_better(off, up, yaw_misfit, tilt_misfit):
-    fingers = Fingers.of(GRIP)
-
-    def quality(scale):
-        misfit = (scale * yaw_misfit) ** 2 + (scale * tilt_misfit) ** 2
-        return grip_quality(fingers, scale * off, 0.0, scale * up, misfit)
-
-    assert 0.0 <= quality(1.1) <= quality(1.0) <= 1.0
-    assert quality(0.0) == 1.0
-    assert grip_quality(fingers, 0.0251, 0.0, 0.0, 0.0) == 0.0
-    assert holds(fingers, 1.0, 0.979) and not holds(fingers, 1.0, 0.981)
-    assert not slips(fingers, 1.0, 0.0)
-
-
-def test_a_round_item_does_not_mind_its_yaw_and_a_long_one_does():
-    shares = []
-    for width in (0.7, 1.0):
-        core = toy([{"passing_s": 0.5, "yaw_rad": np.deg2rad(85.0), "width": width}])
-        shares.append(candidate_table(core.observe())[0, 0, CANDIDATE.quality])
-    assert shares[1] == pytest.approx(GRIP.best) and shares[0] < 0.7 * GRIP.best
 
 
 def test_half_a_turn_of_yaw_is_none():
@@ -405,43 +362,8 @@ def test_pybullet_agrees_with_the_plan():
     assert mean(PyBulletSorter, "cycle_time_s") == pytest.approx(mean(NominalExecutor, "cycle_time_s"), rel=0.02)
 
 
-@pytest.mark.parametrize(
-    ("make", "word"),
-    [
-        (lambda: gym.make(ID, scenario="orchard"), "scenario"),
-        (lambda: gym.make(ID, backend="gazebo"), "backend"),
-        (lambda: gym.make(ID, perception="lidar"), "perception"),
-        (lambda: gym.make(ID, slots=0), "slots"),
-        (lambda: gym.make_vec(ID, num_envs=2, backend="pybullet"), "batched"),
-        (lambda: gym.make_vec(ID, num_envs=2, perception="camera"), "batched"),
-        (lambda: ScenarioConfig(-1.0), "load"),
-        (lambda: ScenarioConfig(1.0, clump=0.5), "clump"),
-        (lambda: ScenarioConfig(1.6, clump=9.0, clump_gap_s=3.0), "clump_gap_s"),
-        (lambda: replace(GRIP, misfit_sigma=0.0), "misfit_sigma"),
-        (lambda: replace(GRIP, best=1.2), "best"),
-        (lambda: MachineConfig(tilt_limit_rad=0.6), "tilt_limit_rad"),
-        (lambda: MachineConfig(travel_level_m=0.2), "travel_level_m"),
-        (lambda: BeltConfig(bins_m=((0.0, 0.2),)), "bins_m"),
-        (lambda: BeltConfig(camera_x_m=-0.05), "camera_x_m"),
-        (lambda: BeltConfig(start_x_m=0.3), "start_x_m"),
-        (lambda: BeltConfig(width_m=0.2), "item_half_width_m"),
-        (lambda: SortingConfig(belt=BeltConfig(bins_m=((0.0, 0.4),) * 4)), "cannot reach"),
-        (lambda: replace(PerceptionModel.perfect(), confusion=((0.5, 0.0, 0.0, 0.0),) * 4), "sum to 1"),
-        (lambda: ProduceConfig(tuber_length_m=(0.08, 0.04)), "smaller one first"),
-        (lambda: ProduceConfig(value=(1.0,)), "value"),  # type: ignore[arg-type]
-        (lambda: ProduceConfig(tuber_width=(0.9, 1.3)), "tuber_width"),
-        (lambda: SortingConfig(belt=BeltConfig(speed_m_s=0.7)), "speed_m_s"),
-    ],
-)
-def test_bad_settings_are_named(make, word):
-    with pytest.raises(ValueError, match=word) as caught:
-        make()
-    assert "\n" not in str(caught.value)
-
-
 def test_descriptions_say_what_happened():
     core = toy([{"passing_s": 0.5, "grade": 2}, {"passing_s": 0.8}])
     assert core.describe(*decide(core, 0)).startswith("ripe from slot 0: placed")
     assert core.describe(*decide(core, 12)).startswith("wait")
     assert core.describe(*decide(core, 9)).startswith("illegal")
-    assert len(GRADES) == 4

@@ -16,6 +16,7 @@ from scipy.special import pdtr
 
 from ..compiled import compiled, fill
 from ..core import Array
+from .chances import ERROR, GHOST, SEEN, U, Z
 from .columns import ITEM, REPORT, Item, Report
 from .config import PerceptionModel, SortingConfig
 from .field import Streams
@@ -25,8 +26,6 @@ FRUIT = 1
 
 _FALSE_RESERVE = 5.0
 _NEIGHBOURS = 5
-_DRAWS, _NORMALS, _SEEN_DRAWS, _SEEN_NORMALS = 13, 3, 2, 9
-_GHOST_DRAWS = 6
 _GHOST_CENTRE_M, _GHOST_THICKNESS = 0.014, 0.5
 
 
@@ -168,9 +167,9 @@ def draw_streams(
         reports: most reports of a world; 0: nothing is reported.
     """
     worlds = len(generators)
-    uniform, normal = np.empty((worlds, _DRAWS * items)), np.empty((worlds, _NORMALS * items))
-    seen = np.empty((worlds, _SEEN_DRAWS * items + 1 + _GHOST_DRAWS * len(camera.ghosts)))
-    errors = np.empty((worlds, _SEEN_NORMALS * items))
+    uniform, normal = np.empty((worlds, len(U) * items)), np.empty((worlds, len(Z) * items))
+    seen = np.empty((worlds, len(SEEN) * items + 1 + len(GHOST) * len(camera.ghosts)))
+    errors = np.empty((worlds, len(ERROR) * items))
     for row, generator in enumerate(generators):
         generator.random(out=uniform[row])
         generator.standard_normal(out=normal[row])
@@ -192,9 +191,9 @@ def report_streams(
 ) -> Array:
     """What the camera reports (R, reports, REPORT) of items (R, N + 1, ITEM) that were not drawn with it."""
     worlds, n = len(items), items.shape[1] - 1
-    seen = generator.random((worlds, _SEEN_DRAWS * n + 1 + _GHOST_DRAWS * len(camera.ghosts)))
+    seen = generator.random((worlds, len(SEEN) * n + 1 + len(GHOST) * len(camera.ghosts)))
     drawn = np.empty((worlds, reports, len(Report._fields)))
-    draw_reports(stream, camera, items, seen, generator.standard_normal((worlds, _SEEN_NORMALS * n)), drawn)
+    draw_reports(stream, camera, items, seen, generator.standard_normal((worlds, len(ERROR) * n)), drawn)
     return drawn
 
 
@@ -239,14 +238,14 @@ def on_raster(stream: Stream, kind: int, size: int, draw: float) -> float:
 @compiled
 def draw_items(stream: Stream, items: Array, uniform: Array, normal: Array) -> None:
     """Lay the items (R, N + 1, ITEM) of worlds, in order of arrival, from their random blocks (R, .)."""
-    n = uniform.shape[1] // _DRAWS
+    n = uniform.shape[1] // len(U)
     for r in range(len(items)):
-        u, z, lane = uniform[r].reshape(_DRAWS, n), normal[r].reshape(_NORMALS, n), items[r]
+        u, z, lane = uniform[r].reshape(len(U), n), normal[r].reshape(len(Z), n), items[r]
         for i in range(len(lane)):
             fill(lane[i], np.inf)
         start_s = 0.0
         for i in range(n):
-            start_s += gap_s(stream, u[0, i], u[1, i])
+            start_s += gap_s(stream, u[U.wait, i], u[U.together, i])
             if start_s >= stream.stream_s:
                 break
             draw_item(stream, lane[i], u[:, i], z[:, i])
@@ -259,12 +258,15 @@ def draw_items(stream: Stream, items: Array, uniform: Array, normal: Array) -> N
 @compiled
 def draw_item(stream: Stream, item: Array, u: Array, z: Array) -> None:
     """What one item is and how it lies, from its uniform and normal numbers."""
-    kind = 1 if u[6] < stream.fruit_share else 0
-    item[ITEM.across_m] = stream.half_width_m * (2.0 * u[2] - 1.0)
-    item[ITEM.yaw_rad], item[ITEM.azimuth_rad] = math.pi * (u[3] - 0.5), 2.0 * math.pi * u[5]
-    item[ITEM.tilt_rad] = min(stream.tilt_sigma_rad * math.sqrt(-2.0 * math.log1p(-u[4])), stream.tilt_max_rad)
-    item[ITEM.length_m], item[ITEM.width] = on_raster(stream, kind, 0, u[7]), on_raster(stream, kind, 1, u[8])
-    item[ITEM.thickness] = item[ITEM.width] * on_raster(stream, kind, 2, u[9])
+    kind = 1 if u[U.kind] < stream.fruit_share else 0
+    item[ITEM.across_m] = stream.half_width_m * (2.0 * u[U.across] - 1.0)
+    item[ITEM.yaw_rad], item[ITEM.azimuth_rad] = math.pi * (u[U.yaw] - 0.5), 2.0 * math.pi * u[U.azimuth]
+    item[ITEM.tilt_rad] = min(stream.tilt_sigma_rad * math.sqrt(-2.0 * math.log1p(-u[U.tilt])), stream.tilt_max_rad)
+    item[ITEM.length_m], item[ITEM.width] = (
+        on_raster(stream, kind, 0, u[U.length]),
+        on_raster(stream, kind, 1, u[U.width]),
+    )
+    item[ITEM.thickness] = item[ITEM.width] * on_raster(stream, kind, 2, u[U.thickness])
     item[ITEM.up_m] = centre_height_m(
         item[ITEM.length_m],
         item[ITEM.width],
@@ -273,11 +275,17 @@ def draw_item(stream: Stream, item: Array, u: Array, z: Array) -> None:
         item[ITEM.tilt_rad],
         item[ITEM.azimuth_rad],
     )
-    second = u[10] < stream.ripe_from if kind == FRUIT else item[ITEM.length_m] < stream.ware_from_m
+    second = u[U.ripeness] < stream.ripe_from if kind == FRUIT else item[ITEM.length_m] < stream.ware_from_m
     item[ITEM.grade] = 2.0 * kind + (1.0 if second else 0.0)
-    item[ITEM.ripeness], item[ITEM.skin] = u[10], min(max(u[10] + stream.skin_sigma * z[2], 0.0), 1.0)
-    item[ITEM.grip_luck], item[ITEM.way_luck] = u[11], u[12]
-    item[ITEM.slip_along_m], item[ITEM.slip_across_m] = stream.slip_sigma_m * z[0], stream.slip_sigma_m * z[1]
+    item[ITEM.ripeness], item[ITEM.skin] = (
+        u[U.ripeness],
+        min(max(u[U.ripeness] + stream.skin_sigma * z[Z.skin], 0.0), 1.0),
+    )
+    item[ITEM.grip_luck], item[ITEM.way_luck] = u[U.grip], u[U.way]
+    item[ITEM.slip_along_m], item[ITEM.slip_across_m] = (
+        stream.slip_sigma_m * z[Z.slip_along],
+        stream.slip_sigma_m * z[Z.slip_across],
+    )
 
 
 @compiled
@@ -285,18 +293,18 @@ def draw_reports(
     stream: Stream, camera: CameraModel, items: Array, uniform: Array, normal: Array, reports: Array
 ) -> None:
     """Write what the statistical camera reports (R, M, REPORT) of items (R, N + 1, ITEM), from blocks of its own."""
-    n = normal.shape[1] // _SEEN_NORMALS
+    n = normal.shape[1] // len(ERROR)
     for r in range(len(items)):
-        u, z = uniform[r, : 2 * n].reshape(_SEEN_DRAWS, n), normal[r].reshape(_SEEN_NORMALS, n)
+        u, z = uniform[r, : len(SEEN) * n].reshape(len(SEEN), n), normal[r].reshape(len(ERROR), n)
         fill(reports[r, :, REPORT.passing_s], np.inf)
         fill(reports[r, :, REPORT.item], items.shape[1] - 1.0)
         for i in range(n):
             if items[r, i, ITEM.passing_s] == np.inf:
                 break
-            if u[0, i] < camera.recall:
-                draw_report(stream, camera, items[r, i], u[1, i], z[:, i], reports[r, i])
+            if u[SEEN.seen, i] < camera.recall:
+                draw_report(stream, camera, items[r, i], u[SEEN.grade, i], z[:, i], reports[r, i])
                 reports[r, i, REPORT.item] = i
-        draw_ghosts(stream, camera, uniform[r, 2 * n :], reports[r, n:])
+        draw_ghosts(stream, camera, uniform[r, len(SEEN) * n :], reports[r, n:])
         for m in range(reports.shape[1]):
             reports[r, m, REPORT.seen_s] = reports[r, m, REPORT.passing_s] + camera.report_s
 
@@ -306,18 +314,22 @@ def draw_report(stream: Stream, camera: CameraModel, item: Array, u: float, z: A
     """What the camera says of one item that it sees."""
     true_grade = int(item[ITEM.grade])
     lean = camera.tilt_sigma_rad[true_grade // 2]
-    lean_x = item[ITEM.tilt_rad] * math.cos(item[ITEM.azimuth_rad]) + lean * z[4]
-    lean_y = item[ITEM.tilt_rad] * math.sin(item[ITEM.azimuth_rad]) + lean * z[5]
-    length = 1.0 + camera.length_sigma * z[6]
-    report[REPORT.passing_s] = item[ITEM.passing_s] - (camera.bias_m[0] + camera.sigma_m[0] * z[0]) / stream.speed_m_s
-    report[REPORT.across_m] = item[ITEM.across_m] + camera.bias_m[1] + camera.sigma_m[1] * z[1]
-    report[REPORT.up_m] = item[ITEM.up_m] + camera.bias_m[2] + camera.sigma_m[2] * z[2]
-    report[REPORT.yaw_rad] = item[ITEM.yaw_rad] + camera.yaw_sigma_rad[true_grade // 2] * z[3]
+    lean_x = item[ITEM.tilt_rad] * math.cos(item[ITEM.azimuth_rad]) + lean * z[ERROR.lean_x]
+    lean_y = item[ITEM.tilt_rad] * math.sin(item[ITEM.azimuth_rad]) + lean * z[ERROR.lean_y]
+    length = 1.0 + camera.length_sigma * z[ERROR.length]
+    report[REPORT.passing_s] = (
+        item[ITEM.passing_s] - (camera.bias_m[0] + camera.sigma_m[0] * z[ERROR.along]) / stream.speed_m_s
+    )
+    report[REPORT.across_m] = item[ITEM.across_m] + camera.bias_m[1] + camera.sigma_m[1] * z[ERROR.across]
+    report[REPORT.up_m] = item[ITEM.up_m] + camera.bias_m[2] + camera.sigma_m[2] * z[ERROR.up]
+    report[REPORT.yaw_rad] = item[ITEM.yaw_rad] + camera.yaw_sigma_rad[true_grade // 2] * z[ERROR.yaw]
     report[REPORT.tilt_rad] = math.sqrt(lean_x * lean_x + lean_y * lean_y)
     report[REPORT.azimuth_rad] = math.atan2(lean_y, lean_x)
     report[REPORT.length_m] = item[ITEM.length_m] * length
-    report[REPORT.width] = min(item[ITEM.width] * (1.0 + camera.length_sigma * z[7]) / length, 1.0)
-    report[REPORT.thickness] = min(item[ITEM.thickness] * (1.0 + camera.length_sigma * z[8]) / length, 1.0)
+    report[REPORT.width] = min(item[ITEM.width] * (1.0 + camera.length_sigma * z[ERROR.width]) / length, 1.0)
+    report[REPORT.thickness] = min(
+        item[ITEM.thickness] * (1.0 + camera.length_sigma * z[ERROR.thickness]) / length, 1.0
+    )
     report[REPORT.grade] = 0.0
     for column in range(camera.limits.shape[1]):
         if u > camera.limits[true_grade, column]:
@@ -327,19 +339,22 @@ def draw_report(stream: Stream, camera: CameraModel, item: Array, u: float, z: A
 @compiled
 def draw_ghosts(stream: Stream, camera: CameraModel, draws: Array, reports: Array) -> None:
     """Reports (G, REPORT) of nothing: a stain on the belt that looks like a small level item."""
-    u = draws[1:].reshape(_GHOST_DRAWS, len(camera.ghosts))
+    u = draws[1:].reshape(len(GHOST), len(camera.ghosts))
     for g in range(len(camera.ghosts)):
         # The number of ghosts is the first whose cumulative probability exceeds the draw.
         if draws[0] < camera.ghosts[g]:
             break
         report = reports[g]
-        report[REPORT.passing_s] = stream.stream_s * u[0, g] - stream.start_s
-        report[REPORT.across_m], report[REPORT.up_m] = stream.half_width_m * (2.0 * u[1, g] - 1.0), _GHOST_CENTRE_M
+        report[REPORT.passing_s] = stream.stream_s * u[GHOST.passing, g] - stream.start_s
+        report[REPORT.across_m], report[REPORT.up_m] = (
+            stream.half_width_m * (2.0 * u[GHOST.across, g] - 1.0),
+            _GHOST_CENTRE_M,
+        )
         report[REPORT.yaw_rad], report[REPORT.tilt_rad], report[REPORT.azimuth_rad] = (
-            math.pi * (u[2, g] - 0.5),
+            math.pi * (u[GHOST.yaw, g] - 0.5),
             0.0,
             0.0,
         )
-        report[REPORT.length_m] = camera.ghost_length_m + 0.01 * u[3, g]
-        report[REPORT.width], report[REPORT.thickness] = 0.65 + 0.3 * u[4, g], _GHOST_THICKNESS
-        report[REPORT.grade] = min(math.floor(4.0 * u[5, g]), 3.0)
+        report[REPORT.length_m] = camera.ghost_length_m + 0.01 * u[GHOST.length, g]
+        report[REPORT.width], report[REPORT.thickness] = 0.65 + 0.3 * u[GHOST.width, g], _GHOST_THICKNESS
+        report[REPORT.grade] = min(math.floor(4.0 * u[GHOST.grade, g]), 3.0)

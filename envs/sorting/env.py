@@ -60,7 +60,7 @@ class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
     lean too far, or cannot be reached before they leave, are masked; an illegal action does nothing, costs 0.25 s of
     the belt's travel and is counted.
 
-    **Observation**, a ``Dict`` of float32 boxes scaled to order one:
+    **Observation**, a ``Dict`` of float32 boxes scaled to order one and cut off at +-10 (a wait has no bound itself):
 
     - ``machine`` (5,): ``x``, ``y`` of the platform / 0.2 m, ``turned`` sine of half its rotation, ``time`` / time
       limit, ``in_view`` reports shown / K.
@@ -76,9 +76,12 @@ class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
     **Reward**: the sum of ``info["rewards"]``: ``placed`` (value of the grade), ``misplaced`` (-0.5 for a wrong bin),
     ``dropped`` (-0.5 on the way), ``wasted`` (-0.05 for a grip that held nothing).
 
+    **Field**: a stream of produce (``ProduceField``): when each item passes, where it lies across the belt, its grade,
+    how it lies and its luck, and what the camera says of it. A file needs ``passing_s``, ``across_m`` and ``grade``.
+
     **Score**: ``info["scorecard"]``: ``net_rate`` = items in the right bin / all items of the stream, ``value_rate``
     the same by value, ``cycle_time_s`` = time until the last item was put down / items put down, ``picks_per_min``,
-    ``misplaced``, ``dropped``, ``wasted``, ``missed``, phases.
+    ``misplaced``, ``damaged`` (slipped out of the fingers on the way), ``wasted``, ``missed``, phases.
 
     Args:
         scenario: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` or ``"clumped-1.25"``.
