@@ -13,7 +13,7 @@ import fieldgym  # noqa: F401
 from fieldgym.agents import make_policy
 from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.weeding.config import SCENARIOS
-from fieldgym.envs.weeding.field import draw_blocks, draw_plants, random_numbers
+from fieldgym.envs.weeding.drawing import draw_blocks, draw_plants, random_numbers
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.process import dose
 from fieldgym.envs.weeding.rules import move_up_rows

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 import fieldgym  # noqa: F401
+from fieldgym.envs.weeding.batch import nearest_crop, nearest_weed
 from fieldgym.envs.weeding.config import SCENARIOS, CartConfig
-from fieldgym.envs.weeding.field import (
+from fieldgym.envs.weeding.drawing import (
     draw_blocks,
     draw_plants,
     draw_tracks,
-    nearest_crop,
-    nearest_weed,
     random_numbers,
     track_capacity,
     track_chance,
@@ -191,7 +190,7 @@ def test_perfect_perception_reports_every_weed_where_and_what_it_is():
 def test_the_model_finds_as_many_weeds_as_its_chances_say():
     model = replace(PerceptionModel.measured(), false_rates=(0.0, 0.0, 0.0))
     plants, tracks = drawn(model)
-    gaps = nearest_crop(SCENARIO, plants.crop, plants.weed), nearest_weed(plants.weed)
+    gaps = nearest_crop(plants.crop, plants.weed), nearest_weed(plants.weed)
     chance = np.where(plants.exists, track_chance(model, plants.species, plants.stage, *gaps), 0.0)
     assert np.all((chance >= 0.0) & (chance <= 1.0))
     spread = np.sqrt((chance * (1.0 - chance)).sum())
@@ -209,14 +208,13 @@ def test_false_tracks_come_at_their_rates():
     assert tracks.count.mean() == pytest.approx(mean, rel=0.08)
 
 
-def test_reports_lie_in_order_within_the_band_and_are_known_before_the_window():
+def test_reports_lie_in_order_within_the_band():
     _, tracks = drawn(PerceptionModel.measured(), 50)
     for row in range(50):
         n = tracks.count[row]
         assert np.all(np.diff(tracks.report[row, :n, 0]) >= 0.0)
-        assert np.all(np.diff(tracks.line[row, :n, 1]) >= 0.0)
         assert np.all(np.abs(tracks.report[row, :n, 1]) <= 0.5 * SCENARIO.band_m)
-        assert np.all(np.isnan(tracks.line[row, n:]))
+        assert np.all(tracks.report[row, n:] == FAR_M)
 
 
 def test_nearest_weed_is_brute_force():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,19 +11,20 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore
+from ..core import Array, Rows, StepResult, TaskCore, observation_space
+from ..field import Camera
+from .batch import Batch, crop_index, stack, unstack
 from .config import FieldTask
-from .features import LIMIT, C, Candidate, M, Machine, track_features
-from .field import crop_index, draw_blocks, draw_plants, draw_tracks, random_numbers, track_capacity
+from .drawing import draw_blocks, draw_plants, draw_tracks, random_numbers, track_capacity
+from .features import LIMIT, Candidate, Machine, track_features
+from .field import WeedField
+from .filling import REAL_M, completed
 from .perception import PerceptionModel
 from .process import WeedingProcess
 from .rules import apply_worlds, legal_option, move_up_rows, plan_worlds
 from .showing import observe_worlds, score_worlds
 from .state import BLOCKS, MODES, PAD, WAIT, Common, N, Own, R, Rewards, WeederPlan, empty_worlds, tables_of
 from .timing import G, Moving, ready
-
-REAL_M = 0.02
-"""A camera's track has a weed behind it when one stands this near to where it is shot at."""
 
 
 class WeederOutcome(NamedTuple):
@@ -49,6 +51,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
     reward_names = names(Rewards)
     machine_features = names(Machine)
     candidate_features = names(Candidate)
+    field_type = WeedField
 
     def __init__(
         self,
@@ -67,13 +70,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         self.base_actions = MODES * k + 1
         actions = (BLOCKS if config.speed_control else 1) * self.base_actions
         self.action_space = spaces.Discrete(actions)
-        self.observation_space = spaces.Dict(
-            {
-                "machine": spaces.Box(-LIMIT, LIMIT, (len(M),), np.float32),
-                "candidates": spaces.Box(-LIMIT, LIMIT, (k * len(C),), np.float32),
-                "action_mask": spaces.Box(0, 1, (actions,), np.int8),
-            }
-        )
+        self.observation_space = observation_space(self, k, actions, LIMIT)
         self._numbers = random_numbers(scenario, perception or PerceptionModel.perfect())
         self._speed_m_s = config.speed_m_s
         self.tables = tables_of(config, machine, process, perception.delay_s if perception else 0.0)
@@ -86,17 +83,44 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         self.plant_exists = np.zeros((b, plants), bool)
         self.plant_species = np.zeros((b, plants), np.int64)
         self.plant_look = np.zeros((b, plants))
+        self.ground_look = np.zeros(b)
+        self.episode = np.zeros(b, np.int64)
 
-    def draw(self, generators: Sequence[np.random.Generator]) -> Any:
+    @cached_property
+    def camera(self) -> Camera | None:
+        """The sign by which fields tell whose reports they hold."""
+        return None if self.perception is None else Camera.of(self.perception)
+
+    @property
+    def window(self) -> dict[str, tuple[float, float]]:
+        """Where weeds may stand."""
+        scenario = self.config.scenario
+        return {"along_m": (0.0, scenario.strip_m), "across_m": (-0.5 * scenario.band_m, 0.5 * scenario.band_m)}
+
+    def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw strips and what the statistical cameras make of them."""
         config = self.config
         uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
         plants = draw_plants(config.scenario, uniform, normal)
         if self.perception is None:
-            return plants, None
-        return plants, draw_tracks(config.scenario, config.cart, self.perception, plants, camera_uniform, camera_normal)
+            return Batch(plants, None)
+        tracks = draw_tracks(config.scenario, config.cart, self.perception, plants, camera_uniform, camera_normal)
+        return Batch(plants, tracks)
 
-    def load(self, rows: Rows, batch: Any) -> None:
+    def stack(self, fields: Sequence[WeedField]) -> Batch:
+        """The batch of fields in which nothing is missing."""
+        return stack(self.config.scenario, self.capacity, fields)
+
+    def unstack(self, batch: Batch) -> list[WeedField]:
+        """The fields of a batch."""
+        return unstack(batch, self.camera)
+
+    def complete(self, field: Any, generator: np.random.Generator) -> WeedField:
+        """A field with nothing missing; see ``filling``."""
+        whole = super().complete(field, generator)
+        return completed(self.config, self.perception, self.camera, whole, generator)
+
+    def load(self, rows: Rows, batch: Batch) -> None:
         """Put strips into ``rows`` and the carts before their beginning, already driving."""
         config, process, state = self.config, self.process, self.state
         plants, tracks = batch
@@ -113,7 +137,9 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         state.crops_in_strip[rows] = np.count_nonzero(inside, axis=1)
         self.plant_exists[rows, weeds], self.plant_exists[rows, crops] = plants.exists, inside
         self.plant_species[rows, weeds] = plants.species
-        self.plant_look[rows, weeds], self.plant_look[rows, crops] = plants.look, plants.crop_luck
+        self.plant_look[rows, weeds] = plants.look
+        self.ground_look[rows] = plants.ground_look
+        self.episode[rows] += 1
 
         state.totals[rows], state.phases_s[rows] = 0.0, 0.0
         state.cart[rows] = -config.cart.start_m
@@ -124,11 +150,11 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         if tracks is not None:
             own = slice(None, self.capacity)
             state.track_report[rows, own], state.track_aim[rows, own] = tracks.report, tracks.aim
-            state.track_known_m[rows, own] = tracks.line[..., 1]
+            along = tracks.report[..., G.along]
+            frames_m = self.perception.frames_m if self.perception else 0.0
+            state.track_known_m[rows, own] = along - config.cart.seen_ahead_m + frames_m
             state.track_near[rows, own, N.weed] = tracks.weed
-            state.track_near[rows, own, N.crop] = crop_index(
-                config.scenario, tracks.aim[..., G.along], config.scenario.crops
-            )
+            state.track_near[rows, own, N.crop] = crop_index(plants.crop, tracks.aim[..., G.along])
             state.track_real[rows, own] = tracks.real
             state.track_count[rows] = tracks.count
             state.track_feature[rows, own] = track_features(
@@ -176,21 +202,13 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         weeds = state.plant[row, PAD : self.weeds_end - PAD]
         nearest = int(np.argmin(np.abs(weeds[:, G.along] - along)))
         gap_m = np.hypot(*(weeds - state.track_aim[row, track]).T).min()
-        crop = crop_index(self.config.scenario, along, self.config.scenario.crops)
+        crop = crop_index(state.plant[row : row + 1, self.weeds_end :], along[None])[0]
         state.track_near[row, track, N.weed], state.track_near[row, track, N.crop] = nearest, int(crop[0])
         state.track_real[row, track] = bool(gap_m < REAL_M)
 
     def plan(self, actions: NDArray[np.int64]) -> WeederPlan:
         """Turn actions (B,) into what the machine has to do."""
         return plan_worlds(self.tables, self.machine, self.state, actions)
-
-    def stack(self, fields: Sequence[Any]) -> Any:
-        """The batch of fields."""
-        raise NotImplementedError
-
-    def unstack(self, batch: Any) -> list[Any]:
-        """The fields of a batch."""
-        raise NotImplementedError
 
     def nominal(self, plan: WeederPlan) -> WeederOutcome:
         """Nominal phase times, the tool exactly where it was sent."""

@@ -1,364 +1,139 @@
-"""Draws strips of field: crop plants, weeds, and what the cameras would make of them.
-
-Each world hands over one block of uniform and one of normal numbers for the field and one each for the cameras from
-its own generator; everything else is array arithmetic over the worlds, so a world's strip does not depend on how many
-worlds are drawn beside it, and the field is the same whatever the perception is.
-"""
+"""A strip of field as a value: its weeds and crop plants with their luck, and what the cameras report of them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import stats
 
-from ..core import Array
-from .config import CartConfig, ScenarioConfig
-from .perception import PerceptionModel, Q, SightingTable
-from .state import FAR_M
-from .timing import G
+from ..field import Array, Camera, Field, Table, Toy, Whole, label, number
+from .config import SPECIES, STAGES
 
-_MARGIN_M = 0.15
-"""Clusters are centred up to three cluster sigmas outside the strip."""
+_ALONG_M, _ACROSS_M = (-10.0, 510.0), (-2.0, 2.0)
+_LARGEST = 1.0 - 2.0**-53
+"""Uniform numbers are smaller than 1."""
 
 
-@dataclass(frozen=True)
-class Plants:
-    """True plants of R worlds; what does not exist lies at ``FAR_M``.
+@dataclass(frozen=True, eq=False)
+class Weeds(Table):
+    """Weeds in any order."""
+
+    along_m: Array = number("m", *_ALONG_M, "along the row; the strip begins at 0")
+    across_m: Array = number("m", *_ACROSS_M, "across, from the middle of the row")
+    species: Whole = label(SPECIES, "broadleaf or grass", 0.0)
+    stage: Whole = label(STAGES, "how far it has grown", 1.0)
+    luck: Array = number("", 0.0, _LARGEST, "rank of what it can take among its kind, uniform", "uniform")
+    look: Array = number("", 0.0, _LARGEST, "whatever only pictures show (turn, shade), uniform", "uniform")
+
+
+@dataclass(frozen=True, eq=False)
+class Crops(Table):
+    """Crop plants of the middle row in any order; those beyond the strip's ends can be seen but not lost."""
+
+    along_m: Array = number("m", *_ALONG_M, "along the row")
+    across_m: Array = number("m", *_ACROSS_M, "across, from the middle of the row", 0.0)
+    luck: Array = number("", 0.0, _LARGEST, "rank of what it can take, uniform", "uniform")
+
+
+@dataclass(frozen=True, eq=False)
+class Reports(Table):
+    """The tracks that the statistical cameras make, in any order."""
+
+    along_m: Array = number("m", -20.0, 520.0, "where the machine believes a plant when it aims, along the row")
+    across_m: Array = number("m", *_ACROSS_M, "the same across")
+    aim_along_m: Array = number("m", -20.0, 520.0, "where the tool is set after its camera's correction", "task")
+    aim_across_m: Array = number("m", -3.0, 3.0, "the same across", "task")
+    species: Whole = label(SPECIES, "reported", 0.0)
+    stage: Whole = label(STAGES, "reported", 1.0)
+    crop_gap_m: Array = number("m", 0.0, 2000.0, "reported distance to the nearest crop plant", "task")
+    behind: Whole = label(("nothing", "weed"), "what is behind it; for the count of blank shots alone", "task")
+
+
+@dataclass(frozen=True, eq=False)
+class Ground(Table):
+    """What the whole strip has, in one row."""
+
+    look: Array = number("", 0.0, _LARGEST, "error of the odometry and looks of the soil, uniform", "uniform")
+
+
+@dataclass(frozen=True, eq=False)
+class WeedField(Field):
+    """A strip of field with all of its luck.
 
     Attributes:
-        weed: (R, N, 2) places along and across, sorted along.
-        exists: (R, N).
-        species: (R, N), index into ``SPECIES``.
-        stage: (R, N), index into ``STAGES``.
-        luck: (R, N), uniform: the rank of the weed's tolerance.
-        look: (R, N), uniform: whatever only looks need (yaw, size).
-        crop: (R, C, 2) places of the crop plants of the middle row, in order; C spans one beyond each end.
-        crop_luck: (R, C), uniform.
+        weeds: what there is to kill.
+        crops: the crop row; the scenario's regular one where none is given.
+        ground: of rendered pictures.
+        reports: what the cameras will report; None where it is still to be drawn, or to be rendered.
+        camera: whose reports they are; None where any statistical camera makes them.
     """
 
-    weed: Array
-    exists: NDArray[np.bool_]
-    species: NDArray[np.int64]
-    stage: NDArray[np.int64]
-    luck: Array
-    look: Array
-    crop: Array
-    crop_luck: Array
+    task: ClassVar[str] = "weeding"
+    main: ClassVar[str] = "weeds"
 
+    weeds: Weeds
+    crops: Crops | None = None
+    ground: Ground | None = None
+    reports: Reports | None = None
+    camera: Camera | None = None
 
-@dataclass(frozen=True)
-class Tracks:
-    """What the cameras make of R worlds, T slots each, sorted along; empty slots lie at ``FAR_M``.
-
-    Attributes:
-        report: (R, T, 2), place that the machine believes when it aims.
-        aim: (R, T, 2), place that the beam is set on after the tool camera's correction.
-        weed: (R, T), index of the first of the true weeds that may be hit (see ``neighbours``).
-        real: (R, T), whether a weed is behind it.
-        species: (R, T), reported.
-        stage: (R, T), reported.
-        line: (R, T, 2), report along and the cart position from which on it is known, not counting the delay;
-            ascending, NaN where there is none.
-        crop_gap_m: (R, T), reported distance to the nearest crop plant.
-        count: (R,).
-    """
-
-    report: Array
-    aim: Array
-    weed: NDArray[np.int64]
-    real: NDArray[np.bool_]
-    species: NDArray[np.int64]
-    stage: NDArray[np.int64]
-    line: Array
-    crop_gap_m: Array
-    count: NDArray[np.int64]
-
-
-class _Block:
-    """Hands out columns of the worlds' random blocks in a fixed order."""
-
-    def __init__(self, numbers: Array):
-        self.numbers = numbers
-        self.used = 0
-
-    def take(self, *shape: int) -> Array:
-        count = int(np.prod(shape))
-        part = self.numbers[:, self.used : self.used + count]
-        self.used += count
-        return part.reshape(len(self.numbers), *shape)
-
-
-@lru_cache(maxsize=64)
-def poisson_table(mean: float) -> Array:
-    """Cumulative Poisson probabilities of 0, 1, ... up to where they no longer matter."""
-    slots = int(np.ceil(mean + 5.0 * np.sqrt(mean) + 3.0)) if mean > 0.0 else 0
-    return stats.poisson.cdf(np.arange(slots), mean)
-
-
-def _counts(scenario: ScenarioConfig) -> tuple[Array, Array, Array]:
-    """Tables for the numbers of clusters, of weeds in a cluster, and of the background."""
-    length, width = scenario.strip_m + 2.0 * _MARGIN_M, scenario.band_m + 2.0 * _MARGIN_M
-    area = length * width
-    parents = scenario.clumped * scenario.density_per_m2 / scenario.cluster_size * area
-    background = (1.0 - scenario.clumped) * scenario.density_per_m2 * area
-    return poisson_table(parents), poisson_table(scenario.cluster_size), poisson_table(background)
-
-
-def draw_plants(scenario: ScenarioConfig, uniform: Array, normal: Array) -> Plants:
-    """Grow the strips of R worlds from their random blocks (R, .).
-
-    Weeds are a Thomas process (Poisson cluster centres, Poisson numbers of weeds each, Gaussian places about the
-    centre) over a Poisson background, on an area larger than the band by three cluster sigmas; those outside the
-    band do not exist.
-    """
-    u, z = _Block(uniform), _Block(normal)
-    rows, n = len(uniform), scenario.max_weeds
-    parents, cluster, background = _counts(scenario)
-    low = np.array([-_MARGIN_M, -0.5 * scenario.band_m - _MARGIN_M])
-    size = np.array([scenario.strip_m, scenario.band_m]) + 2.0 * _MARGIN_M
-    centre = low + size * u.take(len(parents), 2)
-    number = np.searchsorted(cluster, u.take(len(parents)), side="right")
-    number *= np.arange(len(parents)) < np.searchsorted(parents, u.take(1), side="right")
-    loose = np.searchsorted(background, u.take(1)[:, 0], side="right")
-    # Weed j of a world belongs to the cluster in whose turn it is; after the clusters comes the background.
-    ends = np.concatenate([np.zeros((rows, 1), np.int64), number.cumsum(axis=1)], axis=1)
-    total = ends[:, -1]
-    limit = _draws(scenario)
-    owner = np.zeros((rows, limit), np.int64)
-    first = ends[:, :-1] + limit * np.arange(rows)[:, None]
-    marks = np.bincount(first[(number > 0) & (ends[:, :-1] < limit)], minlength=rows * limit)
-    which = np.flatnonzero(number.reshape(-1) > 0)
-    begun = marks.cumsum()
-    within = np.arange(limit) < np.minimum(total, limit)[:, None]
-    if len(which):
-        kept = which[(ends[:, :-1].reshape(-1)[which] < limit)]
-        owner = np.where(within, kept[np.maximum(begun - 1, 0)].reshape(rows, limit), 0)
-    place_u, place_z = u.take(limit, 2), z.take(limit, 2)
-    clustered = centre.reshape(-1, 2).take(owner, axis=0) if len(parents) else np.zeros((rows, limit, 2))
-    clustered = clustered + scenario.cluster_sigma_m * place_z
-    place = np.where(within[..., None], clustered, low + size * place_u)
-    there = np.arange(limit) < np.minimum(total + loose, limit)[:, None]
-    there &= (place[..., G.along] >= 0.0) & (place[..., G.along] <= scenario.strip_m)
-    there &= np.abs(place[..., G.across]) <= 0.5 * scenario.band_m
-    order = np.argsort(np.where(there, place[..., G.along], FAR_M), axis=1, kind="stable")[:, :n]
-    exists = np.take_along_axis(there, order, axis=1)
-    weed = np.where(exists[..., None], np.take_along_axis(place, order[..., None], axis=1), FAR_M)
-
-    stage_u = u.take(n)
-    limits = np.cumsum(scenario.stage_shares)
-    stage = (stage_u > limits[0]).astype(np.int64) + (stage_u > limits[1])
-    species = (u.take(n) < scenario.grass_share).astype(np.int64)
-    luck, look = u.take(n), u.take(n)
-    crops = scenario.crops
-    crop = np.zeros((rows, crops, 2))
-    crop[..., G.along] = scenario.crop_pitch_m * (np.arange(crops) - 0.5)
-    crop += np.asarray(scenario.crop_jitter_m) * np.clip(z.take(crops, 2), -3.0, 3.0)
-    return Plants(weed, exists, species, stage, luck, look, crop, u.take(crops))
-
-
-def _draws(scenario: ScenarioConfig) -> int:
-    """Weeds that are drawn on the enlarged area; beyond five standard deviations nothing is kept."""
-    parents, _, background = _counts(scenario)
-    if not len(parents):
-        return max(len(background), scenario.max_weeds)
-    mean = scenario.density_per_m2 * (scenario.strip_m + 2.0 * _MARGIN_M) * (scenario.band_m + 2.0 * _MARGIN_M)
-    # Variance of a cluster process's count: mean times (1 + cluster size) for the clumped part.
-    spread = np.sqrt(mean * (1.0 + scenario.clumped * scenario.cluster_size))
-    return max(int(np.ceil(mean + 5.0 * spread)), scenario.max_weeds)
-
-
-def false_means(scenario: ScenarioConfig, perception: PerceptionModel) -> tuple[float, float, float]:
-    """Expected false tracks of a strip: parts of weeds, at crop plants, elsewhere."""
-    area = scenario.strip_m * scenario.band_m
-    at_weed, at_crop, loose = perception.false_rates
-    return at_weed * scenario.density_per_m2 * area, at_crop * _crops_inside(scenario), loose * area
-
-
-def _crops_inside(scenario: ScenarioConfig) -> int:
-    """Crop plants whose undisturbed places lie in the strip; the first of them has index 1."""
-    return scenario.crops - 3
-
-
-def track_capacity(scenario: ScenarioConfig, perception: PerceptionModel | None) -> int:
-    """Most tracks of a strip."""
-    if perception is None:
-        return 4 * scenario.max_weeds
-    return scenario.max_weeds + len(poisson_table(sum(false_means(scenario, perception))))
-
-
-def random_numbers(scenario: ScenarioConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
-    """Lengths of a world's blocks: uniform and normal numbers for the field, then for the cameras."""
-    parents, _, _ = _counts(scenario)
-    n, limit, crops = scenario.max_weeds, _draws(scenario), scenario.crops
-    false = track_capacity(scenario, perception) - n
-    field = 3 * len(parents) + 2 + 2 * limit + 4 * n + crops
-    return field, 2 * limit + 2 * crops, 1 + 2 * n + 5 * false, 1
-
-
-def draw_tracks(
-    scenario: ScenarioConfig,
-    cart: CartConfig,
-    perception: PerceptionModel,
-    plants: Plants,
-    uniform: Array,
-    normal: Array,
-) -> Tracks:
-    """What the statistical cameras make of R worlds, from random blocks (R, .) of their own."""
-    u = _Block(uniform)
-    n = plants.exists.shape[1]
-    chances, lots = u.take(n), u.take(n)
-    false_place, false_there, false_sighting = _draw_false(scenario, perception, plants, u)
-    # Strips are far from full: what does not exist lies at the end and is not worked through.
-    used = max(int(np.count_nonzero(plants.exists, axis=1).max()), 1)
-    weed, species, stage = plants.weed[:, :used], plants.species[:, :used], plants.stage[:, :used]
-    crop_gap, weed_gap = nearest_crop(scenario, plants.crop, weed), nearest_weed(weed)
-    seen = chances[:, :used] < track_chance(perception, species, stage, crop_gap, weed_gap)
-    kind = 6 * neighbourhood(perception, crop_gap, weed_gap) + 3 * species + stage
-    sighting = _draw_sightings(perception.sighting_table, kind, lots[:, :used])
-
-    place = np.concatenate([weed, false_place], axis=1)
-    sighting = np.concatenate([sighting, false_sighting], axis=1)
-    there = np.concatenate([seen & plants.exists[:, :used], false_there], axis=1)
-    # From the front camera's view to the tool the odometry carries a track along the strip.
-    report = place + sighting[..., [Q.along, Q.across]]
-    report[..., G.along] += cart.unseen_m * perception.drift_share * normal
-    aim = np.where(sighting[..., Q.found, None] > 0.0, place + sighting[..., [Q.aim_along, Q.aim_across]], report)
-    there &= np.abs(report[..., G.across]) <= 0.5 * scenario.band_m
-    gap = np.concatenate([crop_gap, nearest_crop(scenario, plants.crop, report[:, used:])], axis=1)
-
-    count = np.count_nonzero(there, axis=1)
-    order = np.argsort(np.where(there, report[..., G.along], FAR_M), axis=1, kind="stable")[:, : count.max()]
-    there = np.take_along_axis(there, order, axis=1)
-    shape = len(uniform), track_capacity(scenario, perception)
-
-    def pick(values: NDArray[Any], empty: float) -> NDArray[Any]:
-        full = np.full(shape + values.shape[2:], empty, values.dtype)
-        if values.ndim == 3:
-            full[:, : order.shape[1]] = np.where(
-                there[..., None], np.take_along_axis(values, order[..., None], axis=1), empty
-            )
-        else:
-            full[:, : order.shape[1]] = np.where(there, np.take_along_axis(values, order, axis=1), empty)
-        return full
-
-    report, aim = pick(report, FAR_M), pick(aim, FAR_M)
-    weeds = np.zeros(shape, np.int64)
-    weeds[:, : order.shape[1]] = neighbours(plants, aim[:, : order.shape[1], G.along])
-    real = np.zeros(shape, bool)
-    real[:, : order.shape[1]] = there & (order < used)
-    line = np.full((*shape, 2), np.nan)
-    along = np.where(there, report[:, : order.shape[1], G.along], np.nan)
-    line[:, : order.shape[1], 0] = along
-    line[:, : order.shape[1], 1] = along - cart.seen_ahead_m + perception.frames_m
-    return Tracks(
-        report=report,
-        aim=aim,
-        weed=weeds,
-        real=real,
-        species=pick(sighting[..., Q.species], 0.0).astype(np.int64),
-        stage=pick(sighting[..., Q.stage], 0.0).astype(np.int64),
-        line=line,
-        crop_gap_m=pick(gap, 0.0),
-        count=count,
-    )
-
-
-def track_chance(
-    perception: PerceptionModel, species: NDArray[np.int64], stage: NDArray[np.int64], crop_gap: Array, weed_gap: Array
-) -> Array:
-    """Probability (...) that weeds become tracks: the odds of a kind times those of its neighbourhood."""
-    recall = np.asarray(perception.recall)[species, stage]
-    odds = np.asarray(perception.odds_near_crop)[np.searchsorted(perception.crop_gap_m, crop_gap)]
-    odds = odds * np.asarray(perception.odds_near_weed)[np.searchsorted(perception.weed_gap_m, weed_gap)]
-    return recall * odds / (1.0 - recall + recall * odds)
-
-
-def neighbourhood(perception: PerceptionModel, crop_gap: Array, weed_gap: Array) -> NDArray[np.int64]:
-    """0 where a weed stands alone, 1 beside another weed, 2 at a crop plant (...)."""
-    near_crop, near_weed = crop_gap < perception.crowded_m[0], weed_gap < perception.crowded_m[1]
-    return np.where(near_crop, 2, near_weed.astype(np.int64))
-
-
-def _draw_sightings(table: SightingTable, kind: NDArray[np.int64], lots: Array) -> Array:
-    """One sighting (..., 7) of each one's class."""
-    return table.rows[table.first[kind] + (table.holds[kind] * lots).astype(np.int64)]
-
-
-def _draw_false(
-    scenario: ScenarioConfig, perception: PerceptionModel, plants: Plants, u: _Block
-) -> tuple[Array, NDArray[np.bool_], Array]:
-    """Owners' places (R, G, 2) of the false tracks, which of them there are, and their sightings (R, G, 7)."""
-    means = false_means(scenario, perception)
-    table = poisson_table(sum(means))
-    g = len(table)
-    there = np.arange(g) < np.searchsorted(table, u.take(1), side="right")
-    limits = np.cumsum(means) / max(sum(means), 1e-12)
-    lots = u.take(g)
-    kind = (lots > limits[0]).astype(np.int64) + (lots > limits[1])
-    weeds = np.count_nonzero(plants.exists, axis=1)[:, None]
-    lots = u.take(g)
-    weed = np.take_along_axis(plants.weed, (weeds * lots).astype(np.int64)[..., None], axis=1)
-    crop = np.take_along_axis(plants.crop, 1 + (_crops_inside(scenario) * lots).astype(np.int64)[..., None], axis=1)
-    loose = u.take(g, 2) * [scenario.strip_m, scenario.band_m] - [0.0, 0.5 * scenario.band_m]
-    owner = np.where((kind == 0)[..., None], weed, np.where((kind == 1)[..., None], crop, loose))
-    there &= (kind > 0) | (weeds > 0)
-    return owner, there, _draw_sightings(perception.false_table, kind, u.take(g))
-
-
-def neighbours(plants: Plants, along_m: Array) -> NDArray[np.int64]:
-    """First of the ``2 PAD + 1`` padded weed indices about places (R, T) along the strip, sorted along or not.
-
-    A weed's index in the padded arrays is its own plus ``PAD``; so the nearest weed along is in the middle.
-    """
-    rows, n = plants.exists.shape
-    result = np.empty(along_m.shape, np.int64)
-    for row in range(rows):
-        weeds = plants.weed[row, :, G.along]
-        right = np.searchsorted(weeds, along_m[row])
-        left = np.maximum(right - 1, 0)
-        right = np.minimum(right, n - 1)
-        nearer = along_m[row] - weeds[left] <= weeds[right] - along_m[row]
-        result[row] = np.where(nearer, left, right)
-    return result
-
-
-def nearest_crop(scenario: ScenarioConfig, crop: Array, place: Array) -> Array:
-    """Distance (R, T) from places (R, T, 2) to the nearest crop plant (R, C, 2) of the middle row."""
-    index = crop_index(scenario, place[..., G.along], crop.shape[1])
-    best = np.full(place.shape[:-1], np.inf)
-    for step in (-1, 0, 1):
-        near = np.take_along_axis(crop, (index + step)[..., None], axis=1)
-        best = np.minimum(
-            best, np.hypot(near[..., G.along] - place[..., G.along], near[..., G.across] - place[..., G.across])
+    @classmethod
+    def toy(cls, tool: Literal["laser", "hoe"] = "laser") -> tuple[Toy, ...]:
+        """Strips of 0.3 m with so few weeds that everything can be tried; what is best depends on the tool."""
+        alone, beside, abreast = (
+            strip([(0.15, 0.05)]),
+            strip([(0.15, 0.0)], crops=[(0.15, 0.004)], crop_luck=0.1),
+            strip([(0.15, -0.15), (0.15, 0.0), (0.15, 0.15)]),
         )
-    return best
+        gentlest = "it stands alone and the gentlest mode kills it: work on it in that mode as it comes, then drive off"
+        harm = "any work on it kills the crop plant beside it, which costs more than the weed is worth: leave it"
+        pace = "three abreast pass too fast for all of them: take what there is time for, in the gentlest mode"
+        if tool == "laser":
+            return (
+                Toy("one-weed", alone, _SMALL, 1.0, 0.8474489795918367, gentlest),
+                Toy("crop-beside", beside, _SMALL, 1.0, -0.5, harm),
+                Toy("haste", abreast, {**_SMALL, "scenario.offered_load": 7.0}, 2.0 / 3.0, 1.8632454923356543, pace),
+            )
+        return (
+            Toy("one-weed", alone, _SMALL, 1.0, 0.6681675595827038, gentlest),
+            Toy("crop-beside", beside, _SMALL, 1.0, -0.5, harm),
+            Toy("haste", abreast, {**_SMALL, "scenario.offered_load": 6.0}, 1.0 / 3.0, 0.8705346814681263, pace),
+        )
 
 
-def nearest_weed(weed: Array, looked_at: int = 6) -> Array:
-    """Distance (R, N) from weeds (R, N, 2), sorted along, to the nearest of the next ones on either side along."""
-    best = np.full(weed.shape[:-1], np.inf)
-    for step in range(1, min(looked_at, weed.shape[1] - 1) + 1):
-        offset = weed[:, step:] - weed[:, :-step]
-        gap = np.hypot(offset[..., G.along], offset[..., G.across])
-        np.minimum(best[:, step:], gap, out=best[:, step:])
-        np.minimum(best[:, :-step], gap, out=best[:, :-step])
-    return best
+_SMALL: dict[str, Any] = {"scenario.strip_m": 0.3, "scenario.max_weeds": 8, "slots": 4, "cart.moment_s": 0.4}
 
 
-def crop_index(scenario: ScenarioConfig, along_m: Array, crops: int) -> NDArray[np.int64]:
-    """Index of the crop plant whose undisturbed place is nearest, with a neighbour on both sides."""
-    return np.clip(np.rint(along_m / scenario.crop_pitch_m + 0.5).astype(np.int64), 1, crops - 2)
+def strip(
+    weeds: Sequence[tuple[float, float]],
+    crops: Sequence[tuple[float, float]] = (),
+    *,
+    species: str = SPECIES[0],
+    stage: str = STAGES[1],
+    luck: float | Sequence[float] = 0.5,
+    crop_luck: float = 0.5,
+) -> WeedField:
+    """A field of weeds of one kind and crop plants at places (along, across), and exact reports of the weeds.
 
-
-def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int, int, int]) -> list[Array]:
-    """One block (R, n) for each of ``random_numbers``' lengths; each world draws its own row, the field's first."""
-    rows = [
-        (g.random(lengths[0]), g.standard_normal(lengths[1]), g.random(lengths[2]), g.standard_normal(lengths[3]))
-        for g in generators
-    ]
-    return [np.stack(column) for column in zip(*rows, strict=True)]
+    Args:
+        weeds: places.
+        crops: places; no others stand there.
+        species: of all weeds.
+        stage: of all weeds.
+        luck: of the weeds, one for all or one each; 0.5 is the average.
+        crop_luck: of the crop plants.
+    """
+    n, m = len(weeds), len(crops)
+    along, across = np.array(weeds, float).reshape(-1, 2).T
+    crop_along, crop_across = np.array(crops, float).reshape(-1, 2).T
+    kind = {"species": np.full(n, SPECIES.index(species)), "stage": np.full(n, STAGES.index(stage))}
+    place = {"along_m": along, "across_m": across}
+    bare = Reports.empty(n)
+    return WeedField(
+        weeds=Weeds(**place, **kind, luck=np.broadcast_to(np.asarray(luck, float), n), look=np.full(n, 0.5)),
+        crops=Crops(crop_along, crop_across, np.full(m, crop_luck)),
+        ground=Ground(np.array([0.5])),
+        reports=replace(bare, **place, **kind, aim_along_m=along, aim_across_m=across, behind=np.ones(n)),
+    )

@@ -14,7 +14,7 @@ from ...perception.weeds import Seedlings, WeedTracker, detect
 from ..core import Array, StepResult
 from .core import WeedingCore
 from .scene import FieldScene
-from .state import MODES, WAIT, T, WeederPlan
+from .state import MODES, WAIT, WeederPlan
 from .timing import G
 
 FRAME_EVERY_M = 0.06
@@ -29,6 +29,8 @@ DRIFT_SHARE = 0.01
 """Standard deviation of the odometry's scale [published range 1-2 % of the distance]."""
 
 
+_NONE = -1
+"""No episode."""
 _SETTLE_S = 0.12
 """Pictures of a decision show what it did to plants in its last moment."""
 _INSET_PX = 224, 168
@@ -91,7 +93,7 @@ class FieldView(ABC, Generic[SceneT]):
         self._eyes: SceneT | None = None
         self._stage: SceneT | None = None
         self._front: FrontCamera | None = None
-        self._loaded: tuple[int, ...] = ()
+        self._loaded = self._sensed = _NONE
         self._listed: list[int] = []
         self._marks: list[Array] = []
         self._shown_dead = np.zeros(0, bool)
@@ -112,10 +114,11 @@ class FieldView(ABC, Generic[SceneT]):
     def sense(self) -> None:
         """Take the pictures that are due and hand the rules all tracks that are known by now."""
         core = self.core
-        if self._new_episode() or self._front is None:
+        if self._sensed != self._identity() or self._front is None:
+            self._sensed = self._identity()
             eyes = self.camera_scene()
             self.show_strip(eyes)
-            drift = DRIFT_SHARE * (2.0 * float(core.plant_look[0, -1]) - 1.0) * np.sqrt(3.0)
+            drift = DRIFT_SHARE * (2.0 * float(core.ground_look[0]) - 1.0) * np.sqrt(3.0)
             self._front = FrontCamera(eyes, -core.config.cart.start_m, drift)
             self._listed = []
         cart, front = float(core.state.cart[0]), self._front
@@ -187,7 +190,7 @@ class FieldView(ABC, Generic[SceneT]):
         core = self.core
         if self._stage is None:
             self._stage = self.make_scene(machine=True)
-            self._loaded = ()
+            self._loaded = _NONE
         dead = core.state.plant_dose[0] >= core.state.plant_tolerance[0]
         if self._loaded != self._identity():
             self.show_strip(self._stage)
@@ -247,11 +250,8 @@ class FieldView(ABC, Generic[SceneT]):
             core.state.plant_kind[0, :end][exists],
             core.plant_look[0, :end][exists],
             core.state.plant[0, end:],
-            int(1e6 * core.plant_look[0, -1]) % 1009,
+            int(1e6 * core.ground_look[0]) % 1009,
         )
 
-    def _identity(self) -> tuple[int, ...]:
-        return (int(1e9 * self.core.plant_look[0, -1]), int(self.core.state.weeds[0]))
-
-    def _new_episode(self) -> bool:
-        return bool(self.core.state.totals[0, T.time] == 0.0)
+    def _identity(self) -> int:
+        return int(self.core.episode[0])

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...batch import nearest_crop, nearest_weed
 from ...config import SCENARIOS
-from ...field import nearest_crop, nearest_weed, neighbourhood
+from ...drawing import neighbourhood
 from ...perception import PerceptionModel
 from ...view import DELAY_S, DRIFT_SHARE, SAME_M, FrontCamera
 from .config import WeedingConfig
@@ -135,7 +136,7 @@ def join(config: WeedingConfig, all_seen: list[Seen], counts: dict[str, int]) ->
     for s in all_seen:
         # A track belongs to the weed that it shows, or to the one that the tool would be used on.
         pairs = {b: a for a, b in match(s.place, s.weed, s.aim)}
-        gaps = nearest_crop(scenario, s.crop[None], s.weed[None])[0], nearest_weed(s.weed[None])[0]
+        gaps = nearest_crop(s.crop[None], s.weed[None])[0], nearest_weed(s.weed[None])[0]
         weeds.append(np.column_stack([s.kind, *gaps]))
         for j in range(len(s.weed)):
             i = pairs.get(j)
