@@ -39,7 +39,7 @@ class Stream(NamedTuple):
         hold_s: (n,), from the approach's end until it is lifted.
         least_s: (n,), no approach and no way to its bin is shorter.
         known_s: (n,), no decision to pick it before this; as late as that does not matter (see ``decided_late``).
-        bin: (n,), where it goes; negative: wherever one likes.
+        bin: (n,), where it goes.
         gain: (n,), what that is worth, > 0.
         slack_m: taken off every distance between machine and thing.
     """
@@ -71,8 +71,8 @@ class Belt(NamedTuple):
 
 
 @compiled
-def finish_s(belt: Belt, stream: Stream, j: int, to: int, place: int, time_s: float) -> float:
-    """When thing ``j`` lies in bin ``to`` if it is decided for at ``time_s``; infinite where that is too late."""
+def finish_s(belt: Belt, stream: Stream, j: int, place: int, time_s: float) -> float:
+    """When thing ``j`` lies in its bin if it is decided for at ``time_s``; infinite where that is too late."""
     paces, slack, least = belt.paces, stream.slack_m, stream.least_s[j]
     v, pace, square_pace = paces.speed_m_s, paces.pace, paces.square_pace
     x, y = belt.places[place, 0], belt.places[place, 1]
@@ -84,11 +84,10 @@ def finish_s(belt: Belt, stream: Stream, j: int, to: int, place: int, time_s: fl
     if meet > stream.last_m[j] or start_s >= belt.limit_s:
         return np.inf
     wait = max((meet - now) / v - approach, 0.0)
+    to = stream.bin[j]
     bin_x, aside = belt.places[to, 0], belt.places[to, 1] - stream.across_m[j]
-    way, guess = (
-        bin_x - meet - v * stream.hold_s[j],
-        stroke_s(math.sqrt(bin_x * bin_x + aside * aside), pace, square_pace),
-    )
+    way = bin_x - meet - v * stream.hold_s[j]
+    guess = stroke_s(math.sqrt(bin_x * bin_x + aside * aside), pace, square_pace)
     carry = carry_s(v, way, aside * aside, slack, pace, square_pace, least, max(guess, least))
     return start_s + wait + approach + stream.hold_s[j] + carry + paces.release_s
 
@@ -164,12 +163,10 @@ def best_picks(belt: Belt, stream: Stream, most: int) -> tuple[float, Array, NDA
             bit = one << np.uint64(j - low)
             if done & bit:
                 continue
-            for to in range(bins):
-                if stream.bin[j] >= 0 and to != stream.bin[j]:
-                    continue
-                then = finish_s(belt, stream, j, to, here, now)
-                if then < np.inf:
-                    heapq.heappush(queue, (then, -(value + stream.gain[j]), to, low, done | bit, picks + 1, settled, j))
+            then = finish_s(belt, stream, j, here, now)
+            if then < np.inf:
+                to, lost = int(stream.bin[j]), -(value + stream.gain[j])
+                heapq.heappush(queue, (then, lost, to, low, done | bit, picks + 1, settled, j))
         for j in range(low + MEMORY, n):
             # What cannot be told apart was not tried: that is fine only while it need not be decided yet.
             proven = proven and stream.known_s[j] > now
@@ -196,7 +193,7 @@ def expand(belt: Belt, stream: Stream, tick_s: float) -> tuple[Numbers, Indices,
     room = 0
     for j in range(n):
         deadline = stream.passing_s[j] + stream.last_m[j] / belt.paces.speed_m_s
-        room += bins * places * (int((deadline - max(stream.known_s[j], 0.0)) / tick_s) + 3)
+        room += places * (int((deadline - max(stream.known_s[j], 0.0)) / tick_s) + 3)
     to, option = np.empty(room, np.int32), np.empty(room, np.int32)
     edges = 0
     for node in range(nodes):
@@ -208,14 +205,11 @@ def expand(belt: Belt, stream: Stream, tick_s: float) -> tuple[Numbers, Indices,
             # Who decides too early only waits.
             if stream.known_s[j] >= (tick + 1) * tick_s:
                 continue
-            for there in range(bins):
-                if stream.bin[j] >= 0 and there != stream.bin[j]:
-                    continue
-                then = finish_s(belt, stream, j, there, place, tick * tick_s)
-                if then < np.inf:
-                    arrives = min(max(int(then / tick_s), tick + 1), ticks - 1)
-                    if arrives > tick:
-                        to[edges], option[edges] = (ticks - 1 - arrives) * places + there, j
-                        edges += 1
+            then = finish_s(belt, stream, j, place, tick * tick_s)
+            if then < np.inf:
+                arrives = min(max(int(then / tick_s), tick + 1), ticks - 1)
+                if arrives > tick:
+                    to[edges], option[edges] = (ticks - 1 - arrives) * places + stream.bin[j], j
+                    edges += 1
     first[nodes] = edges
     return first, to[:edges].copy(), option[:edges].copy(), wait, end_s, (ticks - 1) * places + bins

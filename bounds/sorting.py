@@ -43,7 +43,6 @@ class SortingInstance:
     Attributes:
         belt: the machine over the belt.
         placed: what can be placed in the bin where it belongs; ``gain`` in reward.
-        arriving: what can be brought to any bin.
         items: of the stream.
         config: the task's numbers.
         labels: schedules to be told apart, see ``MOST_LABELS``.
@@ -55,7 +54,6 @@ class SortingInstance:
 
     belt: Belt
     placed: Stream
-    arriving: Stream
     items: int
     config: SortingConfig
     labels: int
@@ -76,7 +74,7 @@ class SortingInstance:
         if min(weights.placed, -weights.misplaced, -weights.dropped, -weights.wasted) < 0.0:
             raise ValueError(f"{weights}: the bound needs placed >= 0 and everything else <= 0")
         began = time.perf_counter()
-        counted = self.placed._replace(gain=np.ones(len(self.placed.gain)))
+        counted = self._counted
         most, order_n, proven_n = _best(self.belt, counted, self.labels, time_limit_s)
         value, order_v, proven_v = _best(self.belt, self.placed, self.labels, time_limit_s)
         most = math.floor(most + 1e-6)
@@ -99,14 +97,19 @@ class SortingInstance:
         earliest = self._earliest_s
         if earliest is None:
             # Whatever the order: a pick takes as long as the two that are nearest to each other.
-            return float((self.arriving.hold_s + 2.0 * self.arriving.least_s).min()) + self.belt.paces.release_s
+            return float((self.placed.hold_s + 2.0 * self.placed.least_s).min()) + self.belt.paces.release_s
         counts = np.arange(len(earliest))
         return float((earliest[least:] / counts[least:]).min())
 
+    @property
+    def _counted(self) -> Stream:
+        """What can be placed, every thing worth the same."""
+        return self.placed._replace(gain=np.ones(len(self.placed.gain)))
+
     @cached_property
     def _earliest_s(self) -> Array | None:
-        """Earliest time (n + 1,) at which 0 ... n things can lie in bins; None where that is not proven."""
-        _, earliest, _, proven = best_picks(self.belt, self.arriving, self.labels)
+        """Earliest time (n + 1,) at which 0 ... n things can lie in their bins; None where that is not proven."""
+        _, earliest, _, proven = best_picks(self.belt, self._counted, self.labels)
         return earliest if proven else None
 
     def carried_out(self, stream: Stream, order: NDArray[np.int64]) -> float:
@@ -120,7 +123,7 @@ class SortingInstance:
                 now += wait_s
             shown = (self.seen_s <= now) & (self.leave_s > now) & (self.leave_s < leaves[j] - 1e-9)
             ahead = np.count_nonzero(shown) - sum(leave > now and leave < leaves[j] - 1e-9 for leave in tried)
-            then = finish_s(belt, stream, j, int(stream.bin[j]), place, now)
+            then = finish_s(belt, stream, j, place, now)
             if then == math.inf or ahead >= self.config.slots:
                 continue
             now, place, total = then, int(stream.bin[j]), total + float(stream.gain[j])
@@ -172,11 +175,9 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
     items = int(worlds.totals[row, TOTAL.items])
     if reports == "any":
         placed = _any(worlds, tables, config, row)
-        arriving = placed._replace(bin=np.full(len(placed.gain), -1), gain=np.ones(len(placed.gain)))
         nothing = np.zeros(0)
         words = "any reports, so no error and every turn of the tool"
-        streams = _ready(belt, placed), _ready(belt, arriving)
-        return SortingInstance(belt, *streams, items, config, FEW_LABELS, False, nothing, nothing, words)
+        return SortingInstance(belt, _ready(belt, placed), items, config, FEW_LABELS, False, nothing, nothing, words)
     there = worlds.queue[row, : worlds.queued[row]]
     stray = (0.0, 0.0) if reports == "drawn" else (STRAY_M, STRAY_RAD)
     held = _held(worlds, tables, row, there, *stray)
@@ -186,7 +187,6 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
     return SortingInstance(
         belt,
         _ready(belt, _drawn(worlds, tables, row, there[right])),
-        _ready(belt, _drawn(worlds, tables, row, there[held])._replace(gain=np.ones(int(held.sum())))),
         items,
         config,
         MOST_LABELS,

@@ -107,7 +107,7 @@ def test_a_decision_put_off_is_never_done_sooner():
         enters = instance.placed.passing_s[j] + instance.placed.first_m[j] / instance.belt.paces.speed_m_s
         for place in range(5):
             times = np.linspace(max(enters - 2.0, 0.0), enters + 6.0, 400)
-            done = [belt.finish_s(instance.belt, instance.placed, j, instance.placed.bin[j], place, t) for t in times]
+            done = [belt.finish_s(instance.belt, instance.placed, j, place, t) for t in times]
             done = np.array(done)[np.isfinite(done)]
             assert (np.diff(done) >= -1e-9).all()
             found += len(done)

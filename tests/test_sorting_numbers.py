@@ -191,7 +191,8 @@ class Log:
     """What was decided so far, and the scorecard that follows from it."""
 
     def __init__(self, field: ProduceField):
-        self.items, self.time_s, self.last_s, self.value = field.items, 0.0, 0.0, 0.0
+        self.items, self.time_s, self.value = field.items, 0.0, 0.0
+        self.last_s = dict.fromkeys(("placed", "misplaced", "dropped", "wasted"), 0.0)
         self.count = dict.fromkeys((*Rewards._fields, "illegal"), 0)
         self.phases, self.gone = dict.fromkeys(Phases._fields, 0.0), set()
 
@@ -202,8 +203,7 @@ class Log:
         self.count["illegal"] += illegal
         if fate:
             self.count[fate] += 1
-        if fate in ("placed", "misplaced"):
-            self.last_s = self.time_s
+            self.last_s[fate] = self.time_s
         self.value += value * (fate == "placed")
 
     def fate(self, seen: Seen, field: ProduceField) -> str:
@@ -236,7 +236,7 @@ class Log:
         worth = sum(CONFIG.produce.value[grade] for grade in self.items.grade.tolist())
         return {
             "net_rate": count["placed"] / items,
-            "cycle_time_s": self.last_s / max(put_down, 1),
+            "cycle_time_s": self.last_s["placed"] / max(count["placed"], 1),
             "throughput_per_min": count["placed"] / minutes,
             "duration_s": self.time_s,
             "done": count["placed"],
@@ -249,6 +249,7 @@ class Log:
             "wasted": count["wasted"],
             "total": items,
             "picks_per_min": put_down / minutes,
+            "pick_cycle_s": max(self.last_s["placed"], self.last_s["misplaced"]) / max(put_down, 1),
         }
 
 

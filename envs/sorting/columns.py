@@ -133,7 +133,8 @@ class Totals(NamedTuple):
     """Running totals of a world; the last two are the stream's."""
 
     time_s: Annotated[int, Says("s", "simulated time since the episode began")]
-    last_s: Annotated[int, Says("s", "when the last item was put down")]
+    last_placed_s: Annotated[int, Says("s", "when the last item was put into the bin of its grade")]
+    last_pick_s: Annotated[int, Says("s", "when the last item was put down, in whichever bin")]
     placed: Annotated[int, Says("", "items in the bins of their grades")]
     value: Annotated[int, Says("", "what they are worth")]
     misplaced: Annotated[int, Says("", "items in other bins")]
@@ -156,7 +157,7 @@ class Scores(NamedTuple):
     """The scorecard."""
 
     net_rate: Annotated[int, Says("", "items in the bins of their grades / items of the stream")]
-    cycle_time_s: Annotated[int, Says("s", "time until the last item was put down / items put down")]
+    cycle_time_s: Annotated[int, Says("s", "time until the last item was put into its grade's bin / such items")]
     throughput_per_min: Annotated[int, Says("1/min", "items in the bins of their grades, a minute")]
     duration_s: Annotated[int, Says("s", "simulated time since the episode began")]
     done: Annotated[int, Says("", "items in the bins of their grades")]
@@ -175,6 +176,7 @@ class Scores(NamedTuple):
     wasted: Annotated[int, Says("", "grips that held nothing")]
     total: Annotated[int, Says("", "items of the stream")]
     picks_per_min: Annotated[int, Says("1/min", "items put down, in whichever bin, a minute")]
+    pick_cycle_s: Annotated[int, Says("s", "time until the last item was put down / items put down, in whichever bin")]
 
 
 class Machine(NamedTuple):

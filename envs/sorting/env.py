@@ -80,8 +80,9 @@ class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
     how it lies and its luck, and what the camera says of it. A file needs ``passing_s``, ``across_m`` and ``grade``.
 
     **Score**: ``info["scorecard"]``: ``net_rate`` = items in the right bin / all items of the stream, ``value_rate``
-    the same by value, ``cycle_time_s`` = time until the last item was put down / items put down, ``picks_per_min``,
-    ``misplaced``, ``damaged`` (slipped out of the fingers on the way), ``wasted``, ``missed``, phases.
+    the same by value, ``cycle_time_s`` = time until the last item was put into the right bin / items in the right bin
+    (eq. 34), ``pick_cycle_s`` the same for items put down in whichever bin, ``picks_per_min``, ``misplaced``,
+    ``damaged`` (slipped out of the fingers on the way), ``wasted``, ``missed``, phases.
 
     Args:
         scenario: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` or ``"clumped-1.25"``.

@@ -184,9 +184,10 @@ def put_down(tables: Tables, grade: int, reported: int, lost: bool, totals: Arra
         totals[TOTAL.dropped] += 1.0
         rewards[REWARD.dropped] = tables.weights[REWARD.dropped]
         return
-    totals[TOTAL.last_s] = totals[TOTAL.time_s]
+    totals[TOTAL.last_pick_s] = totals[TOTAL.time_s]
     totals[TOTAL.picks] += 1.0
     if grade == reported:
+        totals[TOTAL.last_placed_s] = totals[TOTAL.time_s]
         totals[TOTAL.placed] += 1.0
         totals[TOTAL.value] += tables.values[grade]
         rewards[REWARD.placed] = tables.values[grade] * tables.weights[REWARD.placed]
@@ -243,7 +244,7 @@ def score_worlds(totals: Array) -> Array:
         t, score = totals[w], result[w]
         per_minute = 60.0 / max(t[TOTAL.time_s], 1e-9)
         score[SCORE.net_rate] = t[TOTAL.placed] / max(t[TOTAL.items], 1.0)
-        score[SCORE.cycle_time_s] = t[TOTAL.last_s] / max(t[TOTAL.picks], 1.0)
+        score[SCORE.cycle_time_s] = t[TOTAL.last_placed_s] / max(t[TOTAL.placed], 1.0)
         score[SCORE.throughput_per_min] = t[TOTAL.placed] * per_minute
         score[SCORE.duration_s] = t[TOTAL.time_s]
         score[SCORE.done] = t[TOTAL.placed]
@@ -256,4 +257,5 @@ def score_worlds(totals: Array) -> Array:
         score[SCORE.wasted] = t[TOTAL.wasted]
         score[SCORE.total] = t[TOTAL.items]
         score[SCORE.picks_per_min] = t[TOTAL.picks] * per_minute
+        score[SCORE.pick_cycle_s] = t[TOTAL.last_pick_s] / max(t[TOTAL.picks], 1.0)
     return result
