@@ -8,14 +8,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fieldgym.envs.columns import documented
+from fieldgym.envs.columns import documented, names
 from fieldgym.envs.safflower.drawing import reach_table
+from fieldgym.envs.safflower.env import SafflowerPickingEnv
 from fieldgym.envs.safflower.features import Candidate, Machine
-from fieldgym.envs.safflower.state import Rewards, Scores, Totals
+from fieldgym.envs.safflower.state import Effort, Rewards, Scores, Totals
 from fieldgym.envs.safflower.timing import Phases
 
 ID = "fieldgym/SafflowerPicking-v0"
-BLOCKS = (Machine, Candidate, Rewards, Totals, Scores, Phases)
+BLOCKS = (Machine, Candidate, Rewards, Effort, Totals, Scores, Phases)
 STAGES = ("bud", "fresh", "late", "dry")
 
 
@@ -256,17 +257,19 @@ def test_every_number_of_a_block_is_documented(block):
 
 
 def test_phases_stand_in_the_same_order_everywhere():
-    names = Phases._fields
-    totals = Totals._fields[Totals._fields.index("recognise") :][: len(names)]
-    scores = Scores._fields[Scores._fields.index("phase_recognise_s") :][: len(names)]
-    assert names == totals and tuple(f"phase_{name}_s" for name in names) == scores
+    phases = names(Phases)
+    totals = Totals._fields[Totals._fields.index("recognise") :][: len(phases)]
+    scores = Scores._fields[Scores._fields.index("phase_recognise_s") :][: len(phases)]
+    assert phases == totals and tuple(f"phase_{name}_s" for name in phases) == scores
     assert all(a < b for a, b in pairwise(map(Candidate._fields.index, STAGES)))
 
 
-def test_the_page_names_every_feature():
-    page = gym.spec(ID).entry_point.rsplit(":")[-1]
-    from fieldgym.envs.safflower import env
-
-    text = getattr(env, page).__doc__
-    for name in (*Machine._fields, *Candidate._fields, *Rewards._fields):
-        assert f"``{name}``" in text, name
+def test_the_page_names_every_feature_in_order():
+    page = SafflowerPickingEnv.__doc__ or ""
+    for block, start in ((Machine, "``machine``"), (Candidate, "``candidates``"), (Rewards, "**Reward**")):
+        place = page.index(start) + len(start)
+        for name in names(block):
+            assert f"``{name}``" in page[place:], name
+            place = page.index(f"``{name}``", place)
+    for name in Scores._fields[:2]:
+        assert f"``{name}``" in page

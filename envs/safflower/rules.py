@@ -9,7 +9,7 @@ from ..compiled import compiled
 from ..core import Array, StepResult
 from .features import ACROSS_SCALE_M, AHEAD_SCALE_M, HEIGHT_SCALE_M, LIMIT, TRAVEL_SCALE_S, C, M
 from .process import collected_share, cut_share
-from .state import PickerPlan, R, S, T, Tables, Worlds
+from .state import E, PickerPlan, R, S, T, Tables, Worlds
 from .timing import DRIVE, FINISH, NOTHING, P, beside_s, cart_s, settling_s, tool_s
 
 
@@ -98,14 +98,14 @@ def pick(tables: Tables, worlds: Worlds, w: int, effort: int, head: int, tool: A
     mass = worlds.head_mass_g[w, head]
     share = cut_share(
         tables.shears,
-        tables.strokes[effort],
+        tables.efforts[effort, E.strokes],
         position[0] - tool[0],
         position[1] - tool[1],
         position[2] - tool[2],
         worlds.head_odds[w, head, 0],
     )
     cut = mass * share
-    gained = cut * collected_share(tables.dropped[effort], worlds.head_odds[w, head, 1])
+    gained = cut * collected_share(tables.efforts[effort, E.dropped], worlds.head_odds[w, head, 1])
     fresh = share > 0.0 and not worlds.head_visited[w, head]
     done = fresh and gained > 0.0
     worlds.head_mass_g[w, head] = mass - cut

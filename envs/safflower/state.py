@@ -24,6 +24,13 @@ class Rewards(NamedTuple):
     time: Annotated[int, Says("s", "seconds")]
 
 
+class Effort(NamedTuple):
+    """What an effort does to a head."""
+
+    strokes: Annotated[int, Says("", "shear strokes")]
+    dropped: Annotated[int, Says("", "share of the cut filaments that drops on average")]
+
+
 class Totals(NamedTuple):
     """What is added up in the course of an episode; one column a phase, in the order of ``Phases``."""
 
@@ -70,7 +77,7 @@ class Scores(NamedTuple):
     stop: Annotated[int, Says("", "number of the present stop, from 0")]
 
 
-R, T, S = numbered(Rewards), numbered(Totals), numbered(Scores)
+R, E, T, S = numbered(Rewards), numbered(Effort), numbered(Totals), numbered(Scores)
 
 
 class Tables(NamedTuple):
@@ -78,8 +85,7 @@ class Tables(NamedTuple):
 
     Attributes:
         standing_s: (kinds, phases), see ``timing.standing_s``.
-        strokes: (6,), shear strokes by kind.
-        dropped: (6,), share of the cut filaments that drops on average, by kind.
+        efforts: (3, 2), what each effort does, as ``Effort``.
         shears: numbers of the cut.
         rates: numbers of the motions.
         stop_pose: (S, 3), parked pose at each stop.
@@ -90,8 +96,7 @@ class Tables(NamedTuple):
     """
 
     standing_s: Array
-    strokes: Array
-    dropped: Array
+    efforts: Array
     shears: Shears
     rates: Rates
     stop_pose: Array
@@ -183,8 +188,7 @@ def tables_of(config: SafflowerConfig, from_outside: bool) -> Tables:
     stop_pose = stop_poses(config)
     return Tables(
         standing_s=standing_s(config),
-        strokes=np.array(process.strokes, float),
-        dropped=np.array([dropped_share(process, suction_s) for suction_s in process.suction_s]),
+        efforts=np.column_stack([process.strokes, [dropped_share(process, seconds) for seconds in process.suction_s]]),
         shears=Shears.of(process),
         rates=Rates.of(config),
         stop_pose=stop_pose,
