@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fieldgym.envs.safflower.scene import Field, PickerScene
+from fieldgym.envs.safflower.scene import Looks, PickerScene
 from fieldgym.perception.blooms import Blooms, detect
 from fieldgym.simulation.picker_model import PickerParameters
 
@@ -15,9 +15,9 @@ PARKED = (0.5 * PARAMETERS.five_bar.base_m, -0.28)
 AHEAD_M = PARAMETERS.camera_ahead_m
 
 
-def field(stages: tuple[int, ...] = (1, 2, 3), occluded: tuple[bool, ...] = (False, False, False)) -> Field:
+def field(stages: tuple[int, ...] = (1, 2, 3), occluded: tuple[bool, ...] = (False, False, False)) -> Looks:
     """Two plants in a row with three heads in the middle of the window, well apart."""
-    return Field(
+    return Looks(
         head_position=np.array([[AHEAD_M - 0.12, 0.05, 0.86], [AHEAD_M, -0.06, 0.84], [AHEAD_M + 0.13, 0.03, 0.82]]),
         head_stage=np.array(stages),
         head_spread_m=np.full(3, 0.04785),
@@ -37,7 +37,7 @@ def scene() -> Iterator[PickerScene]:
     scene.close()
 
 
-def blooms(scene: PickerScene, shown: Field) -> Blooms:
+def blooms(scene: PickerScene, shown: Looks) -> Blooms:
     scene.load(shown)
     scene.set_machine(0.0, PARKED)
     look = scene.look()

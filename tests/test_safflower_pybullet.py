@@ -75,3 +75,21 @@ def test_a_batch_of_machines_is_refused():
 
     with pytest.raises(ValueError, match="one machine"):
         PyBulletPicker(SafflowerCore(SafflowerConfig(), PerceptionModel.perfect(), 2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["pots", "row"])
+def test_a_loaded_field_looks_as_the_drawn_one(scenario):
+    env: Any = gym.make(ID, backend="analytic", perception="camera", scenario=scenario).unwrapped
+    starts = []
+    for seed, options in ((4, None), (9, {})):
+        if options is not None:
+            options["field"] = env.field
+        observation, _ = env.reset(seed=seed, options=options)
+        env.step(0)
+        last = env.step(env.action_space.n - 1)
+        starts.append((observation["candidates"], last[0]["candidates"], last[-1]["scorecard"]))
+        assert env.field.reports is None and env.field.camera is None
+    env.close()
+    assert starts[0][0].any() and np.array_equal(starts[0][0], starts[1][0])
+    assert np.array_equal(starts[0][1], starts[1][1]) and starts[0][2] == starts[1][2]

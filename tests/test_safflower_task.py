@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.envs.safflower.batch import fixed_order, stop_centres
 from fieldgym.envs.safflower.config import (
+    OPEN_STAGES,
     SCENARIOS,
     PerceptionModel,
     ProcessConfig,
@@ -36,16 +37,18 @@ def toy(
     places: list[tuple[float, float, float]],
     reports: list[tuple[tuple[float, float, float], int]] | None = None,
     camera: bool = False,
+    stage: int = 1,
 ) -> SafflowerCore:
-    """Two pots with open heads of 0.4 g and average luck at world places.
+    """Two pots with heads of one stage, of 0.4 g where they are open, and average luck at world places.
 
     ``reports`` are places and the heads behind them, by default one of each head; a camera still has to make them.
     """
     config = override(SafflowerConfig(), {"scenario.plants": 2, "slots": 4})
     reports = [(place, head) for head, place in enumerate(places)] if reports is None else reports
     bare, zeros = Heads.empty(len(places)), np.zeros(len(places))
-    heads = replace(bare, **columns(places), mass_g=zeros + 0.4, cut_luck=zeros, drop_luck=zeros)
-    seen = columns([place for place, _ in reports]) | {"head": np.array([head for _, head in reports])}
+    mass_g = zeros + (0.4 if stage in OPEN_STAGES else 0.0)
+    heads = replace(bare, **columns(places, stage), mass_g=mass_g, cut_luck=zeros, drop_luck=zeros)
+    seen = columns([place for place, _ in reports], stage) | {"head": np.array([head for _, head in reports])}
     field = SafflowerField(heads, reports=replace(Reports.empty(len(reports)), **seen))
     core = SafflowerCore(config, None if camera else PerceptionModel.perfect(), 1)
     field = core.complete(field, np.random.default_rng(0))
@@ -53,10 +56,10 @@ def toy(
     return core
 
 
-def columns(places: list[tuple[float, float, float]]) -> dict[str, Any]:
-    """World places and fresh stages as columns."""
+def columns(places: list[tuple[float, float, float]], stage: int) -> dict[str, Any]:
+    """World places and stages as columns."""
     along_m, across_m, up_m = np.array(places).reshape(-1, 3).T
-    return {"along_m": along_m, "across_m": across_m, "up_m": up_m, "stage": np.ones(len(places), int)}
+    return {"along_m": along_m, "across_m": across_m, "up_m": up_m, "stage": np.full(len(places), stage)}
 
 
 def decide(core: SafflowerCore, action: int):
@@ -125,6 +128,14 @@ def test_a_report_of_nothing_and_a_second_visit_yield_nothing():
     assert first > second > 0.0 and ghost == 0.0
     scores = dict(zip(core.score_names, core.scores()[0], strict=True))
     assert scores["done"] == 1 and scores["wasted"] == 2
+
+
+def test_a_bud_is_damaged_once_and_brings_nothing():
+    bud = (0.0, 0.0, 0.80)
+    core = toy([bud], [(bud, 0), (bud, 0)], stage=0)
+    assert [decide(core, 1)[1].rewards[0, 0] for _ in range(2)] == [0.0, 0.0]
+    scores = dict(zip(core.score_names, core.scores()[0], strict=True))
+    assert scores["damaged"] == 1 and scores["wasted"] == 2 and scores["missed"] == scores["net_rate"] == 0
 
 
 def test_a_head_beyond_the_arm_is_shown_but_masked():

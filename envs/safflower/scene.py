@@ -47,7 +47,7 @@ _REPLANT_M = 0.20
 
 
 @dataclass(frozen=True)
-class Field:
+class Looks:
     """What grows in a row, as the scene draws it.
 
     Attributes:
@@ -92,13 +92,13 @@ class PickerScene:
         self._eye = Camera(480, 360, np.deg2rad(46.0), 0.10, 2.0)
         self._pools: dict[str, Pool] = {}
         self._potted: bool | None = None
-        self._field: Field | None = None
+        self._field: Looks | None = None
         self._cart_x_m = 0.0
         self._planted_at_m = np.inf
         self._tuft_of_head: dict[int, tuple[int, int]] = {}
         self._picked: set[int] = set()
 
-    def load(self, field: Field) -> None:
+    def load(self, field: Looks) -> None:
         """Show another field, unpicked."""
         if field.potted != self._potted:
             # A scene serves one scenario: it makes its bodies once, and only as many as that one shows.
@@ -176,7 +176,7 @@ class PickerScene:
             for side in (-0.33, 0.33):
                 self._pools["furrow"].place((middle, side, 0.0))
 
-    def _place_plant(self, field: Field, plant: int) -> None:
+    def _place_plant(self, field: Looks, plant: int) -> None:
         base = field.plant_base[plant]
         turn = _scatter(plant, 0) * 2.0 * np.pi
         if field.potted:
@@ -191,7 +191,7 @@ class PickerScene:
             spin = yaw(turn + 7.0 * level)
             self._pools["whorl"].place(base + np.array([0.0, 0.0, level]), spin)
 
-    def _place_head(self, field: Field, head: int) -> None:
+    def _place_head(self, field: Looks, head: int) -> None:
         centre = field.head_position[head]
         plant = int(field.head_plant[head])
         base = field.plant_base[plant]

@@ -13,7 +13,7 @@ from ..core import Array, StepResult
 from .batch import fixed_order, stop_centres
 from .core import SafflowerCore
 from .machine import picker_parameters, trajectory
-from .scene import Field, PickerScene
+from .scene import Looks, PickerScene
 from .state import PickerPlan
 from .timing import NOTHING
 
@@ -101,7 +101,7 @@ class PickerView:
         self._picked.clear()
         plants = slice(int(core.plant_count[0]))
         self._scene.load(
-            Field(
+            Looks(
                 head_position=core.state.head_position[0, shown] + core.frame,
                 head_stage=core.state.head_stage[0, shown],
                 head_spread_m=core.head_size_m[0, shown],
