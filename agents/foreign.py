@@ -45,9 +45,8 @@ def told(error: BaseException) -> str:
     """An exception in one line: file and line of a user's code where it came up, else of any; kind and message."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}, line {error.lineno}: {type(error).__name__}: {error.msg}"
-    frames = traceback.extract_tb(error.__traceback__)
-    frames = [frame for frame in frames if not frame.filename.startswith(_PASSING)]
-    frames = [frame for frame in frames if not _installed(frame.filename)] or frames
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not _passed(frame.filename)]
+    frames = [frame for frame in frames if not frame.filename.startswith(_INSTALLED)] or frames
     where = f"{frames[-1].filename}, line {frames[-1].lineno}: " if frames else ""
     return where + " ".join(f"{type(error).__name__}: {error}".split())
 
@@ -161,12 +160,14 @@ def made(factory: Callable[..., Any], env: Any, seed: int) -> Any:
     return factory(**{each.name: given[each.name] for each in parameters if each.name in given})
 
 
-def _installed(filename: str) -> bool:
-    """Whether a file is part of Python, of what is installed beside it, or of this package."""
-    return filename.startswith(_INSTALLED)
+def _passed(filename: str) -> bool:
+    """Whether a file is this package's own, or one that every import goes through."""
+    path = Path(filename)
+    room = path.relative_to(_ROOT).parts[0] if path.is_relative_to(_ROOT) else ""
+    ours = room.endswith(".py") or (_ROOT / room / "__init__.py").is_file() if room else False
+    return ours or filename == importlib.__file__ or filename.startswith("<frozen")
 
 
-_PASSING = (__file__, str(importlib.__file__), "<frozen")
-"""Files that an import of somebody's code goes through."""
-_INSTALLED = (*(sysconfig.get_paths()[part] for part in ("stdlib", "platstdlib", "purelib", "platlib")),)
-_INSTALLED += (str(Path(__file__).resolve().parents[1]),)
+_ROOT = Path(__file__).resolve().parents[1]
+_INSTALLED = tuple(sysconfig.get_paths()[part] for part in ("stdlib", "platstdlib", "purelib", "platlib"))
+"""Where Python and installed packages lie; an error in there came from whoever called it."""

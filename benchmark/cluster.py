@@ -1,7 +1,8 @@
 """Episodes spread over a Ray cluster: the same records as on one machine, whatever becomes of a worker.
 
 Ray is optional and imported here only. Every node needs the same state of this package; a node with another one is told
-apart by the digest of its source, before it runs anything.
+apart by the digest of its source, before it runs anything. Policies and fields from files must lie at the same place on
+every node, modules must be importable there; an episode whose policy is missing or another one has that as its error.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ class FieldFile:
     Attributes:
         name: of the file in its folder; tables and records have it.
         path: absolute.
-        digest: of the field, see ``envs.field.Field``; results of two states of a file are told apart by it.
+        digest: of the field as the file gives it; results of two states of a file are told apart by it.
     """
 
     name: str

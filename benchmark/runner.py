@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
+import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
@@ -106,7 +108,7 @@ def run_suite(
     if engine == "ray":
         cluster.load()  # before anything is written
     episodes = suite.episodes()
-    results = Results(folder, manifest(suite.name), resume, episodes)
+    results = Results(folder, manifest(suite), resume, episodes)
     failures: list[Record] = []
     try:
         done = results.finished(episodes)
@@ -221,6 +223,7 @@ _stop: Any = None
 def _prepare_worker(stop: Any) -> None:
     global _stop
     _stop = stop
+    warnings.showwarning = lambda message, *_, **__: print(f"fieldgym: {message}", file=sys.stderr)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, daemon=True).start()
 

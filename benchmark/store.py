@@ -14,7 +14,7 @@ from typing import Any
 
 from .. import __version__
 from .record import Record, condition, field_of, identity, key, states
-from .suites import BOUND, Episode
+from .suites import BOUND, Episode, Suite
 
 EPISODES = "episodes.jsonl"
 BOUNDS = "bounds.jsonl"
@@ -31,13 +31,14 @@ class ResultsError(Exception):
     """The results folder cannot be used; the message says why and what to do."""
 
 
-def manifest(suite_name: str) -> dict[str, Any]:
-    """What identifies the code and the machine behind results."""
+def manifest(suite: Suite) -> dict[str, Any]:
+    """What identifies the code and the machine behind results of a suite."""
     return {
         "format": FORMAT,
-        "suite": suite_name,
+        "suite": suite.name,
         "fieldgym": __version__,
         "source": source_digest(),
+        "sources": {source.name: source.sha256 for case in suite.cases for source in case.sources},
         "packages": {name: _version(name) for name in PACKAGES},
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores{_processor()}",

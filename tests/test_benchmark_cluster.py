@@ -91,6 +91,21 @@ def test_a_cluster_gives_the_records_of_one_machine(tmp_path: Path, monkeypatch:
     assert stand_in.stopped
 
 
+def test_a_policy_s_file_is_found_on_a_node_or_told(tmp_path: Path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "class Mine:\n    def act(self, observation):\n        return observation['action_mask'].argmax(axis=1)\n"
+    )
+    name = f"{path}:Mine"
+    small = suite("quick", ["fieldgym/SafflowerPicking-v0"]).narrowed(None, [name], 1, "analytic").traced()
+    (record,) = cluster.run_on_ray(small.episodes(), run_episode, ray=StandIn())
+    (source,) = small.cases[0].sources
+    assert (record["policy"], record["source"], record["terminated"]) == (name, source.sha256, True)
+    path.unlink()
+    (record,) = cluster.run_on_ray(small.episodes(), run_episode, ray=StandIn())
+    assert f"cannot read {path}" in record["error"]
+
+
 def test_an_episode_that_lost_its_worker_runs_again():
     stand_in = StandIn(lambda policy, seed, attempt: seed == 1 and attempt == 1)
     todo = SMALL.episodes()

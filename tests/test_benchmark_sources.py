@@ -70,6 +70,7 @@ def test_a_changed_policy_file_runs_again_on_resume_and_nothing_else_does(tmp_pa
     assert len(ran) == 4 and first.failures == []
     before = {record["policy"]: record.get("source", "") for record in first.records}
     assert before["fixed-order"] == "" and len(before[name]) == 16
+    assert json.loads((out / store.MANIFEST).read_text())["sources"] == {name: before[name]}
     assert run(wanted(["fixed-order", name]), out, resume=True)[1] == []
     path.write_text(LAST)
     again, ran = run(wanted(["fixed-order", name], 1), out, resume=True)

@@ -195,6 +195,18 @@ def test_a_name_that_means_nothing_gets_one_line(env: Any, name: str, message: s
     assert "\n" not in str(raised.value)
 
 
+def test_an_error_inside_the_package_is_told_where_a_user_s_code_called_it(env: Any, tmp_path: Path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "from fieldgym.agents import make_policy\n\ndef mine(env, seed):\n    return make_policy('no', env)\n"
+    )
+    with pytest.raises(PolicySourceError, match=rf"{path}, line 4: PolicySourceError: policy 'no' is unknown"):
+        make_policy(f"{path}:mine", env)
+    with pytest.raises(PolicySourceError) as raised:
+        make_policy("no_such_package_at_all.policies:Mine", env)
+    assert ", line " not in str(raised.value)
+
+
 def test_portable_weights_are_a_policy(env: Any, tmp_path: Path):
     shipped = portable.shipped(ENV, task(ENV).headline)
     assert shipped is not None
@@ -211,6 +223,9 @@ def test_portable_weights_are_a_policy(env: Any, tmp_path: Path):
     assert policy_source(ENV, str(path)).sha256 != before
     with pytest.raises(PolicyFileError, match="was trained on fieldgym/HoeWeeding-v0"):
         make_policy(str(path), env)
+    # Who trained it named the task's module too.
+    card.write_text(card.read_text().replace("fieldgym/HoeWeeding-v0", f"some.module:{ENV}"))
+    assert make_policy(str(path), env).act(batch) == learned.act(batch)
 
 
 def test_a_registered_policy_is_made_by_the_same_rule(monkeypatch: pytest.MonkeyPatch, module: Callable[[str], str]):

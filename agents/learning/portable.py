@@ -108,7 +108,7 @@ def load_for(path: Path, env: Any, name: str = LEARNED) -> Any:
     saved = load(path, name)
     spec = env.unwrapped.spec
     made_for = saved.card.get("env_id")
-    if spec is not None and made_for not in (None, spec.id):
+    if spec is not None and made_for is not None and str(made_for).rpartition(":")[2] != spec.id:
         raise PolicyFileError(f"{path} was trained on {made_for}, this is {spec.id}")
     try:
         return saved.fitted(env)
