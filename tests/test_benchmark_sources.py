@@ -18,11 +18,13 @@ from typer.testing import CliRunner
 from fieldgym.agents import evaluation, make_policy
 from fieldgym.benchmark import runner, store, tables
 from fieldgym.benchmark.fields import FieldsError, field_files
-from fieldgym.benchmark.record import condition, identity, key
+from fieldgym.benchmark.record import condition, identity, key, states
 from fieldgym.benchmark.report import page, reader
 from fieldgym.benchmark.suites import BOUND, Condition, Episode, Suite, changes_of, suite, usable_tasks
+from fieldgym.benchmark.summary import is_learned
 from fieldgym.envs import TaskSpec, env_ids, task
 from fieldgym.envs.field_files import write_field
+from fieldgym.envs.task import _POLICIES, _TASKS
 from fieldgym.scripts import cli
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -108,6 +110,22 @@ def test_a_policy_of_one_s_own_stands_in_table_differences_and_page(tmp_path: Pa
     assert name in html
 
 
+def test_a_registered_stranger_s_code_is_told_apart_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "registered_stranger.py").write_text(MINE)
+    monkeypatch.setitem(_POLICIES, ENV, {"stranger": "registered_stranger:Mine"})
+    (case,) = wanted(["fixed-order", "stranger"], 1).cases
+    assert [(source.name, len(source.sha256)) for source in case.sources] == [("stranger", 16)]
+    assert case.task_code == ""
+    record = identity(Episode(case.condition, "stranger", 0, task_code="a"))
+    assert states(record) != states(identity(Episode(case.condition, "stranger", 0, task_code="b")))
+
+
+def test_learned_policies_are_known_by_name_or_file():
+    names = ("learned", "learned-2", "runs/best.npz", "model.zip", "nearest", "./mine.py:Mine", "npz")
+    assert [name for name in names if is_learned(name)] == ["learned", "learned-2", "runs/best.npz", "model.zip"]
+
+
 def test_an_episode_of_a_file_travels_and_its_record_leads_back_to_it(tmp_path: Path):
     (tmp_path / "mine.py").write_text(MINE)
     chosen = wanted([f"{tmp_path}/mine.py:Mine"], 1).under(
@@ -160,7 +178,9 @@ def test_numbers_and_a_scenario_s_file_decide_the_episode_and_stand_in_the_recor
     assert len(command(*words[:-1], "process.locate_s=3", "--resume", folder=tmp_path)) == 2
 
 
-def test_field_files_stand_where_seeds_stand_and_give_what_their_seeds_gave(tmp_path: Path):
+def test_field_files_stand_where_seeds_stand_and_give_what_their_seeds_gave(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     folder = drawn(tmp_path / "fields", range(3, 5))
     words = ["--env", ENV, "--policies", "fixed-order,nearest", "--backend", "analytic", "--jobs", "1"]
     fields = [*words, "--out", str(tmp_path / "a"), "--fields", str(folder)]
@@ -171,6 +191,12 @@ def test_field_files_stand_where_seeds_stand_and_give_what_their_seeds_gave(tmp_
     assert len({record["field_digest"] for record in records}) == 2
     scores = evaluation.evaluate(lambda env: make_policy("nearest", env), ENV, [3, 4], perception="model")
     assert [r["return"] for r in records if r["policy"] == "nearest"] == scores.returns.tolist()
+    paths = [folder / f"plants-{seed}.csv" for seed in (3, 4)]
+    played = evaluation.evaluate(lambda env: make_policy("nearest", env), ENV, [7, 7], fields=paths, perception="model")
+    assert played.returns.tolist() == scores.returns.tolist()
+    monkeypatch.setattr(evaluation, "task", lambda env_id: SimpleNamespace(vector_entry_point=None))
+    played = evaluation.evaluate(lambda env: make_policy("nearest", env), ENV, [7, 7], fields=paths, perception="model")
+    assert played.returns.tolist() == scores.returns.tolist()
     names = [f"plants-{seed}.csv" for seed in (3, 4)]
     study = reader.load(tmp_path / "a" / "quick")
     assert study.chapters[0].headline.seeds == tuple(names)
@@ -230,8 +256,6 @@ def test_without_a_batched_environment_worlds_are_played_one_by_one(monkeypatch:
 
 
 def test_a_task_that_cannot_be_loaded_stops_nothing(monkeypatch: pytest.MonkeyPatch):
-    from fieldgym.envs.task import _TASKS
-
     broken = TaskSpec(
         id="farm/Broken-v0", entry_point="no_such_module_at_all:Env", vector_entry_point="no_such_module_at_all:Envs",
         machine="", decision="", actions="", policies={}, reference="random",
