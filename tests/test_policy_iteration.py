@@ -14,8 +14,8 @@ from fieldgym.agents import make_policy
 from fieldgym.agents.learning import portable
 from fieldgym.agents.learning.train_settings import TrainSettings, tuned
 from fieldgym.agents.policies import search as planning
-from fieldgym.agents.policies.sorting_value import ValueSearch, describe_all
-from fieldgym.agents.policies.value_weights import SHAPES, VALUE, ValueWeights
+from fieldgym.agents.policies.sorting_value import ValueSearch, ValueWeights, describe_all
+from fieldgym.agents.policies.value_weights import SHAPES, VALUE
 from fieldgym.agents.policies.weights import PolicyFileError
 from fieldgym.envs import env_ids
 from fieldgym.envs.sorting.columns import candidate_table

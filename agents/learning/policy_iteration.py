@@ -24,8 +24,8 @@ from ...envs.task import task
 from ..evaluation import evaluate, mean
 from ..policies.base import Actions, Observation, Policy
 from ..policies.sorting import time_left_s
-from ..policies.sorting_value import describe_all, elapsed_s, gain_features
-from ..policies.value_weights import GAINS, SHAPES, VALUE, ValueWeights
+from ..policies.sorting_value import ValueWeights, describe_all, elapsed_s, gain_features
+from ..policies.value_weights import GAINS, SHAPES, VALUE
 from ..registry import make_policy
 from ..rollout import batch_decisions
 from .portable import replace_file

@@ -19,10 +19,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ...envs.task import resolved
 from ..policies.network import FORMAT as NETWORK
 from ..policies.network import NetworkPolicy
 from ..policies.value_weights import FORMAT as SORTING_VALUE
-from ..policies.value_weights import ValueWeights
 from ..policies.weights import LEARNED, PolicyFileError, Weights
 
 MOST_BYTES = 2_000_000
@@ -53,10 +53,11 @@ class Portable(Protocol):
         """The policy for an environment."""
 
 
-READERS: dict[str, Callable[[Mapping[str, Any], Weights, str], Portable]] = {
+READERS: dict[str, str | Callable[[Mapping[str, Any], Weights, str], Portable]] = {
     NETWORK: NetworkPolicy.of,
-    SORTING_VALUE: ValueWeights.of,
+    SORTING_VALUE: "fieldgym.agents.policies.sorting_value:ValueWeights.of",
 }
+"""By format; text where a task's rules would have to load for it."""
 
 
 def save(path: Path, policy: Portable, card: Mapping[str, Any] | None = None) -> None:
@@ -94,7 +95,7 @@ def load(path: Path, name: str = LEARNED) -> Portable:
     """
     card = _read_card(path.with_suffix(".json"))
     try:
-        return READERS[card["format"]](card, _read_weights(path), name)
+        return resolved(READERS[card["format"]])(card, _read_weights(path), name)
     except PolicyFileError as error:
         raise PolicyFileError(f"{path}: {error}") from None
 

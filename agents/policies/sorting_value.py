@@ -8,7 +8,8 @@ what gripping them in the queue's order brings and how long it takes; how long t
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,8 @@ from .base import Actions, Observation
 from .search import Step
 from .sorting import GRADE_COLUMNS, PickPlanner, Picks, queue
 from .sorting import extend as extend_picks
-from .value_weights import ARRIVALS, ENDS, GAINS, LEFT, VALUE, ValueWeights
+from .value_weights import ARRIVALS, ENDS, FORMAT, GAINS, LEFT, SHAPES, VALUE
+from .weights import LEARNED, PolicyFileError, Weights, check_weights, whole
 
 Array = NDArray[np.float64]
 
@@ -32,6 +34,7 @@ _END_S = np.array([-17.0, -7.0, -2.0, 3.0, 8.0])
 _PAIR_SCALE, _END_SCALE_S = 0.1, 10.0
 _RATE, _ARRIVE_LEFT, _ARRIVE_GAIN, _LAST = range(ARRIVALS)
 _PORTIONS = 4
+MOST_DEPTH, MOST_WIDTH = 16, 256
 _PLACE = slice(MACHINE.x, MACHINE.x + 2)
 
 assert len(_LEFT_S) == LEFT and len(_END_S) == ENDS
@@ -189,3 +192,51 @@ class ValueSearch(PickPlanner):
 def elapsed_s(observation: Observation, config: SortingConfig) -> Array:
     """Seconds (B,) since the episode began."""
     return observation["machine"][:, MACHINE.time].astype(np.float64) * config.scenario.time_limit_s
+
+
+class ValueWeights:
+    """Learned weights before they are fitted to an environment.
+
+    Attributes:
+        depth: picks ahead.
+        width: sequences kept at each depth.
+        weights: ``gain``, ``arrivals`` and ``value``, see ``sorting_value``.
+        card: what is known of the policy.
+        name: of the policy in tables.
+    """
+
+    def __init__(self, depth: int, width: int, weights: Weights, card: Mapping[str, Any], name: str = LEARNED):
+        """Take weights.
+
+        Raises:
+            PolicyFileError: a size is out of range, or a weight cannot be used.
+        """
+        if not (1 <= depth <= MOST_DEPTH and 1 <= width <= MOST_WIDTH):
+            raise PolicyFileError(f"depth = {depth} or width = {width} is out of range")
+        check_weights(weights, SHAPES)
+        self.depth, self.width, self.weights, self.card, self.name = depth, width, weights, dict(card), name
+
+    @classmethod
+    def of(cls, card: Mapping[str, Any], weights: Weights, name: str) -> ValueWeights:
+        """From what a file holds.
+
+        Raises:
+            PolicyFileError: the card's sizes or the weights cannot be used.
+        """
+        return cls(whole(card.get("depth"), "depth"), whole(card.get("width"), "width"), weights, card, name)
+
+    @property
+    def head(self) -> dict[str, Any]:
+        """What a card has to say for the weights to be read."""
+        return {"format": FORMAT, "depth": self.depth, "width": self.width}
+
+    def fitted(self, env: Any) -> ValueSearch:
+        """The policy for an environment.
+
+        Raises:
+            PolicyFileError: the environment is none of sorting.
+        """
+        config = env.unwrapped.core.config
+        if not isinstance(config, SortingConfig):
+            raise PolicyFileError("it was made for sorting, this environment is another task")
+        return ValueSearch(config, self)
