@@ -13,11 +13,15 @@ from fieldgym.agents.evaluation import evaluate
 from fieldgym.bounds import shots, strip, timeline, weeding
 from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.core import WeederOutcome, WeedingCore
+from fieldgym.envs.weeding.field import WeedField
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.timing import Place, approach, move_time
+from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
+from fieldgym.envs.weeding.tools.hoe.env import hoe_core
 from fieldgym.envs.weeding.tools.laser.aim import LaserArm, LaserReach
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
+from fieldgym.kernels.config import override
 
 LASER, SPEED, HOE = (f"fieldgym/{name}-v0" for name in ("LaserWeeding", "LaserWeedingSpeed", "HoeWeeding"))
 EXACT = 1e-9
@@ -81,6 +85,21 @@ def test_trying_everything_finds_nothing_better(seed, tracks, speed_control, loa
         # With time for everything the bound on the net rate is reached.
         assert bound.net_rate == pytest.approx(rate, abs=EXACT)
         assert speed_control or bound.episode_return == pytest.approx(most, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("make", "config", "tool"), [(laser_core, WeedingConfig, "laser"), (hoe_core, HoeWeedingConfig, "hoe")]
+)
+@pytest.mark.parametrize("number", range(3))
+def test_toys_have_the_optimum_that_they_state(make, config, tool, number):
+    """Trying everything finds it, and the bound is not below it."""
+    given = WeedField.toy(tool)[number]
+    core = make(override(config(), given.overrides), PerceptionModel.perfect())
+    core.load(np.array([0]), core.stack([core.complete(given.field, np.random.default_rng(0))]))
+    most, rate, _ = best_by_trying(core)
+    assert (most, rate) == pytest.approx((given.episode_return, given.net_rate), abs=EXACT)
+    bound = weeding.instance_of(core).bound()
+    assert bound.episode_return >= given.episode_return - EXACT and bound.net_rate >= given.net_rate - EXACT
 
 
 def test_haste_binds():

@@ -15,7 +15,7 @@ from ...kernels.config import Config, choice, flag, nested, num
 STAGES = ("cotyledon", "two-leaf", "four-leaf")
 SPECIES = ("broadleaf", "grass")
 
-SPEEDS_M_S = (0.001, 10.0)
+SPEEDS_M_S = (0.001, 3.0)
 """A scenario's own speed lies between these."""
 
 
