@@ -189,9 +189,10 @@ def test_every_feature_and_every_score_by_hand(name):
         mask = observation["action_mask"][0].reshape(-1, base)
         padded = [*legal, *([False] * (base - 1 - len(legal))), True]
         assert all(block.astype(bool).tolist() == padded for block in mask)
-        # Now and then what is not possible.
-        able = np.flatnonzero(mask.ravel() == (0 if decision % 20 == 19 else 1))
-        plan = core.plan(np.array([rng.choice(able[:-1] if decision % 20 != 19 and len(able) > 3 else able)]))
+        # Now and then what is not possible; else something to work on, where there is.
+        able, unable = np.flatnonzero(mask.ravel()), np.flatnonzero(mask.ravel() == 0)
+        pool = unable if decision % 20 == 19 and len(unable) else able[:-1] if len(able) > 3 else able
+        plan = core.plan(np.array([rng.choice(pool)]))
         result = core.apply(plan, core.nominal(plan))
         log.add(plan, result)
         found = dict(zip(core.score_names, core.scores()[0].tolist(), strict=True))
