@@ -81,6 +81,9 @@ def checked_features(data: Any, file: str) -> list[Any]:
     if not isinstance(data, Mapping) or data.get("type") != "FeatureCollection":
         what = data.get("type") if isinstance(data, Mapping) else data
         raise FieldError(f"{file}: holds {show(what)}: give a GeoJSON FeatureCollection")
+    twice = getattr(data, "twice", None)
+    if twice is not None:
+        raise FieldError(f"{file}: {show(twice)} is there twice: remove one")
     features = data.get("features")
     if not isinstance(features, list):
         raise FieldError(f"{file}: features = {show(features)}: give a list of features")
@@ -96,14 +99,13 @@ def object_lines(text: str, name: str, count: int) -> list[int]:
         count: what the list holds; line 1 stands for all where one is no object.
     """
     breaks = [match.start() for match in re.finditer("\n", text)]
-    depth, last, listed, begins = 0, "", "", []
+    depth, last, begins = 0, "", []
     for match in _SIGNS.finditer(text):
         sign = match[0]
         if sign[0] == '"':
             last = sign if depth == 1 else last
         elif sign in "[{":
-            listed = last if depth == 1 else listed
-            if depth == 2 and listed == f'"{name}"' and sign == "{":
+            if depth == 2 and last == f'"{name}"' and sign == "{":
                 begins.append(bisect_right(breaks, match.start()) + 1)
             depth += 1
         else:

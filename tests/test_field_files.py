@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fieldgym.envs.field import Array, Field, FieldError, Flags, Table, Whole, flag, label, number, whole
-from fieldgym.envs.field_files import read_field, write_field
+from fieldgym.envs.field_files import MAX_BYTES, read_field, write_field
 
 STAGES = ("bud", "open", "dry")
 
@@ -86,6 +86,43 @@ def test_what_is_written_comes_back_bit_for_bit(tmp_path: Path, ending: str, rep
         assert (back.report is None) == (reports is None)
         assert "np." not in path.read_text()
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_rows_with_a_place_are_points(tmp_path: Path):
+    write_field(drawn(0, heads=1, reports=1), tmp_path / "f.geojson")
+    data = json.loads((tmp_path / "f.geojson").read_text())
+    assert [feature["geometry"] and feature["geometry"]["type"] for feature in data["features"]] == [
+        "Point",
+        None,
+        "Point",
+    ]
+    assert data["fieldgym"] == {"task": "rows", "crs": "local metres", "kinds": ["head", "weather", "report"]}
+    assert "along_m" not in data["features"][0]["properties"]
+
+
+def test_files_that_cannot_be_read_or_written(tmp_path: Path):
+    missing, folder = tmp_path / "no.csv", tmp_path / "folder.csv"
+    folder.mkdir()
+    for path in (missing, folder):
+        with pytest.raises(FieldError) as told:
+            read_field(path, RowField)
+        assert str(told.value) == f"{path}: there is no such file"
+    with pytest.raises(FieldError) as told:
+        write_field(drawn(0), tmp_path / "no" / "f.csv")
+    assert str(told.value) == f"{tmp_path / 'no' / 'f.csv'}: cannot be written (No such file or directory)"
+    with pytest.raises(FieldError, match=r"give a \.csv or a \.geojson file: rows has no other form"):
+        read(tmp_path, "o o\n", "f.txt")
+    with pytest.raises(FieldError, match="there is no such file"):
+        read_field("a\x00.csv", RowField)
+    wild = drawn(0)
+    object.__setattr__(wild.weather, "wind_m_s", np.array([np.inf]))
+    with pytest.raises(FieldError, match="weather 1: wind_m_s = inf m/s: give 0 to 30 m/s"):
+        write_field(wild, tmp_path / "f.csv")
+    write_field(drawn(0), tmp_path / "f.csv")
+    with pytest.raises(FieldError, match="is larger than"):
+        with open(tmp_path / "large.csv", "wb") as stream:
+            stream.truncate(MAX_BYTES + 1)
+        read_field(tmp_path / "large.csv", RowField)
 
 
 def read(tmp_path: Path, text: str | bytes, name: str = "f.csv", **how: object) -> RowField:
@@ -210,6 +247,7 @@ def collection(*features: object, **members: object) -> str:
         (collection(feature(1.0, 0.0), 3), 1, "holds 3: give a Feature"),
         (collection(feature(1.0, 0.0), feature(9.0, 0.0)), 3, "along_m = 9 m: give 0 to 4 m"),
         (collection(feature(1.0, 0.0), feature(1, 0)), 3, "is there twice, first in line 2"),
+        (collection(feature(1.0, 0.0), feature(9.0, 0.0), features=[{}]), 0, "'features' is there twice"),
         (collection(feature(1.0)), 2, "1 coordinates: give 2, along_m, across_m"),
         (collection(feature(1.0, "0")), 0, ""),
         (collection(feature(1.0, None)), 2, "across_m is missing"),
