@@ -104,7 +104,7 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
 
     @property
     def window(self) -> Mapping[str, tuple[float, float]]:
-        """By place, the range that a field's rows must lie in, where the task says one."""
+        """By place, the range that the rows of a field's main kind must lie in, where the task says one."""
         return {}
 
     @abstractmethod

@@ -16,6 +16,7 @@ WIDTH_IN = 12.0
 COLOURS = ("#2747b8", "#e8641f", "#057b69", "#9058b7", "#0a93e6", "#840f5b", "#6b5500")
 MARKERS = "osD^vPX*"
 CELLS = ("#e4e7ea", "#057b69", "#e8641f", "#2747b8", "#9058b7", "#0a93e6", "#840f5b", "#6b5500")
+REPORTED = "report"
 GRID = ("column", "row")
 """Axes of tables that count cells instead of measuring places."""
 INK, QUIET, FAINT = "#1c2127", "#59626d", "#e4e7ea"
@@ -27,7 +28,7 @@ Window = Mapping[str, tuple[float, float]]
 
 
 class _Group(NamedTuple):
-    """Rows of a kind that look alike: ``place`` by column, and how they are drawn."""
+    """Rows of a kind that look alike, how they are drawn, and whether the window holds for them."""
 
     name: str
     table: Table
@@ -35,19 +36,20 @@ class _Group(NamedTuple):
     colour: str
     marker: str
     hollow: bool
+    held: bool
 
 
 def picture(field: Field, path: str | PathLike[str], title: str = "", window: Window | None = None) -> None:
     """Write a picture of a field.
 
     Long fields are cut into stretches below one another, seen from above; a field with heights is shown from the side
-    too. Kinds that a field may lack, what cameras report, are hollow.
+    too. What cameras report, kinds whose name begins with ``report``, is hollow.
 
     Args:
         field: complete or not.
         path: of the picture; its ending says the format.
         title: above it.
-        window: by column, the range that is marked; rows outside of it are ringed.
+        window: by column, the range that is marked; rows of the main kind outside of it are ringed.
 
     Raises:
         ImportError: matplotlib is missing.
@@ -81,15 +83,15 @@ def _groups(field: Field) -> list[_Group]:
     for colour, (kind, table) in zip(_repeated(COLOURS), field.tables(), strict=False):
         if not any(name in table.columns() for name in (*field.places, *GRID)):
             continue
-        hollow = kind in field.optional()
+        hollow, held = kind.startswith(REPORTED), kind == field.main
         named = next(((name, column) for name, column in table.columns().items() if column.labels), None)
         if named is None:
-            groups.append(_Group(kind, table, np.ones(len(table), bool), colour, MARKERS[0], hollow))
+            groups.append(_Group(kind, table, np.ones(len(table), bool), colour, MARKERS[0], hollow, held))
             continue
         values = getattr(table, named[0])
         shades = _shades(colour, 1 if hollow else len(named[1].labels)) * len(named[1].labels)
         for value, (name, marker) in enumerate(zip(named[1].labels, _repeated(MARKERS), strict=False)):
-            groups.append(_Group(f"{kind}: {name}", table, values == value, shades[value], marker, hollow))
+            groups.append(_Group(f"{kind}: {name}", table, values == value, shades[value], marker, hollow, held))
     return groups
 
 
@@ -153,7 +155,7 @@ def _mark(ax: Any, groups: Sequence[_Group], x: str, y: str, window: Window) -> 
         for name, values in ((x, across), (y, up)):
             low, high = window.get(name, (-np.inf, np.inf))
             outside |= (values < low) | (values > high)
-        if not group.hollow:
+        if group.held:
             ax.scatter(across[outside], up[outside], s=140, facecolors="none", edgecolors="#c0182a", linewidths=1.5)
 
 

@@ -64,7 +64,9 @@ def markdown(field_type: type[Field]) -> str:
 def _values(column: Column) -> str:
     if column.dtype is bool:
         return "0, 1"
-    return ", ".join(column.labels) if column.labels else f"{column.low:g} to {column.high:g}"
+    if column.labels:
+        return ", ".join(column.labels)
+    return f"{int(column.low)} to {int(column.high)}" if column.dtype is int else f"{column.low:g} to {column.high:g}"
 
 
 def _if_missing(column: Column) -> str:

@@ -105,8 +105,8 @@ def usable_tasks() -> list[TaskSpec]:
     return found
 
 
-def numbers_of(words: Sequence[str]) -> dict[str, Any]:
-    """Numbers by dotted name from ``name=value``; values are JSON, anything else is text.
+def numbers_of(words: Sequence[str], option: str = "--set") -> dict[str, Any]:
+    """Numbers by dotted name from an option's ``name=value``; values are JSON, anything else is text.
 
     Raises:
         CommandError: a word has no ``=`` or a name comes twice.
@@ -115,9 +115,9 @@ def numbers_of(words: Sequence[str]) -> dict[str, Any]:
     for word in words:
         name, equals, value = (part.strip() for part in word.partition("="))
         if not equals or not name:
-            raise CommandError(f"--set {word}: give NAME=VALUE, as in process.power_w=150")
+            raise CommandError(f"{option} {word}: give NAME=VALUE, as in process.power_w=150")
         if name in numbers:
-            raise CommandError(f"--set {name}: given twice, give it once")
+            raise CommandError(f"{option} {name}: given twice, give it once")
         try:
             numbers[name] = json.loads(value)
         except ValueError:

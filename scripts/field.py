@@ -120,6 +120,49 @@ def show(
 
 
 @app.command()
+def convert(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="What another program wrote.", show_default=False)],
+    form: Annotated[str, typer.Option("--from", metavar="FORM", help="cropandweed, coco or geojson.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="A .csv or .geojson file.")],
+    env: EnvOption = "LaserWeeding",
+    scenario: Scenario = None,
+    sets: Sets = None,
+    scale: Annotated[float | None, typer.Option(help="Metres a pixel.")] = None,
+    heading: Annotated[str, typer.Option(help="Where the machine drives in the picture: x, right, or y, up.")] = "x",
+    image: Annotated[str | None, typer.Option(help="Name or id of the picture, where a COCO file has many.")] = None,
+    species: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map", metavar="NAME=CLASS", help="A species is crop, broadleaf, grass or left-out; may be repeated."
+        ),
+    ] = None,
+) -> None:
+    """Make a strip of field of plants marked in pictures, or of points; what lies outside the strip is left out.
+
+    Try:
+
+      fieldgym field convert ave-0001-0001.csv --from cropandweed --scale 0.0004 --out strip.csv
+    """
+    from fieldgym.envs.field_files import write_field
+    from fieldgym.envs.weeding.field import WeedField
+    from fieldgym.envs.weeding.readers import read_plants, weed_field
+
+    with told_in_one_line():
+        core = _core(env, scenario, sets, None)
+        if core.field_type is not WeedField:
+            raise CommandError(f"--env {env}: weeds and crop plants are converted, choose an environment that weeds")
+        classes = {name: str(value) for name, value in numbers_of(species or (), "--map").items()}
+        plants = read_plants(source, form, scale, classes, heading, image)
+        field = weed_field(plants, core.window)
+        if not len(field.weeds):
+            raise CommandError(f"{source}: none of its {len(plants)} plants is a weed in the strip: mind the scale")
+        core.complete(field, _generator(0))
+        write_field(field, out)
+    left = len(plants) - len(field.weeds) - len(field.crops or ())
+    typer.echo(f"{out}: {_counts(field)}" + (f"; {left} plants outside the strip are left out" if left else ""))
+
+
+@app.command()
 def columns(
     env: Env, as_markdown: Annotated[bool, typer.Option("--markdown", help="As Markdown, for pages.")] = False
 ) -> None:

@@ -6,7 +6,7 @@ import gymnasium as gym
 import pytest
 from typer.testing import CliRunner
 
-from fieldgym.envs import task
+from fieldgym.envs import env_ids, task
 from fieldgym.envs.field import Field, FieldError
 from fieldgym.envs.field_files import read_field
 from fieldgym.envs.field_schema import column_lines, markdown
@@ -115,3 +115,9 @@ def test_a_declaration_as_a_table():
     assert lines["heads", "occluded"][3:5] == ("0, 1", "0")
     assert lines["heads", "cut_luck"].if_missing == "drawn, normal"
     assert lines["heads", "mass_g"].if_missing == "the task's choice"
+
+
+@pytest.mark.parametrize("env_id", env_ids())
+def test_the_page_has_the_tables_of_the_declaration(env_id: str):
+    page = Path(__file__).resolve().parents[1] / "docs" / "fields.md"
+    assert markdown(field_type(env_id)) in page.read_text()

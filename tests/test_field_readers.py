@@ -3,10 +3,13 @@
 import json
 from pathlib import Path
 
+import gymnasium as gym
 import pytest
+from typer.testing import CliRunner
 
-from fieldgym.envs.field import FieldError
-from fieldgym.envs.weeding.readers import Found, read_plants
+from fieldgym.envs.field import ABSENT, FieldError
+from fieldgym.envs.weeding.readers import Found, read_plants, weed_field
+from fieldgym.scripts.field import app
 
 SCALE = 0.0005
 
@@ -135,3 +138,39 @@ def test_a_picture_needs_its_scale_and_a_known_class(tmp_path: Path):
         read_plants(path, "cropandweed", SCALE, {"33": "gras"})
     with pytest.raises(FieldError, match="heading = 'z' is unknown"):
         read_plants(path, "cropandweed", SCALE, heading="z")
+
+
+def test_plants_become_a_strip(tmp_path: Path):
+    found = [
+        Found("grass", 0.2, 0.01, "", 1),
+        Found("crop", 0.1, 0.0, "", 2),
+        Found("broadleaf", 0.3, -0.01, "two-leaf", 3),
+        Found("broadleaf", 0.31, -0.02, "four-leaf", 4),
+        Found("crop", 0.32, 0.0, "", 5),
+    ]
+    field = weed_field(found, {"along_m": (0.0, 0.3), "across_m": (-0.01, 0.01)})
+    assert field.weeds.along_m.tolist() == [0.2, 0.3]
+    assert field.weeds.across_m.tolist() == [0.01, -0.01]
+    assert field.weeds.species.tolist() == [1, 0]
+    assert field.weeds.stage.tolist() == [ABSENT, 1]
+    assert field.crops is not None
+    assert field.crops.along_m.tolist() == [0.1]
+    assert len(weed_field(found).weeds) == 3
+
+
+def test_the_command_makes_a_strip_that_can_be_played(tmp_path: Path):
+    source, path = tmp_path / "picture.csv", tmp_path / "strip.csv"
+    source.write_text("0,0,40,40,33,1000,544\n0,0,9,9,7,1200,600\n0,0,9,9,41,1919,1087\n")
+    words = ["convert", str(source), "--from", "cropandweed", "--scale", "0.0005", "--out", str(path)]
+    done = CliRunner().invoke(app, [*words, "--set", "scenario.strip_m=0.9"])
+    assert done.output == f"{path}: 1 weeds, 1 crops; 1 plants outside the strip are left out\n"
+    env = gym.make("fieldgym/LaserWeeding-v0", backend="analytic", overrides={"scenario.strip_m": 0.9})
+    env.reset(seed=1, options={"field": path})
+    field = env.unwrapped.field  # type: ignore[attr-defined]
+    assert (field.weeds.along_m.tolist(), field.weeds.across_m.tolist()) == ([0.5], [0.0])
+    done = CliRunner().invoke(app, [*words, "--map", "41=tree"])
+    assert "species '41' cannot be 'tree'" in str(done.exception)
+    done = CliRunner().invoke(app, [*words, "--map", "33=crop", "--map", "41=left-out"])
+    assert "none of its 2 plants is a weed in the strip" in str(done.exception)
+    done = CliRunner().invoke(app, [*words, "--env", "ProduceSorting"])
+    assert "choose an environment that weeds" in str(done.exception)

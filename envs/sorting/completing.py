@@ -46,6 +46,18 @@ def completed(
     return ProduceField(items, reports, Sensor(seed, np.array([code])))
 
 
+def window(config: SortingConfig, most_items: int) -> dict[str, tuple[float, float]]:
+    """When items may pass the machine's middle, and where across the belt they may lie."""
+    belt, scenario = config.belt, config.scenario
+    longest = max(config.produce.tuber_length_m[1], config.produce.fruit_length_m[1])
+    # Where a stream is dense, items wait for each other: none longer than all before it are.
+    latest = max(scenario.time_limit_s, scenario.stream_s + (most_items * longest - belt.start_x_m) / belt.speed_m_s)
+    return {
+        "passing_s": (-belt.exit_x_m / belt.speed_m_s, latest),
+        "across_m": (-0.5 * belt.width_m, 0.5 * belt.width_m),
+    }
+
+
 def check_fit(field: ProduceField, config: SortingConfig, most_items: int, most_reports: int) -> None:
     """Refuse what lies beside the belt or comes too late, what stands there twice, and what there is no room for.
 
@@ -58,17 +70,14 @@ def check_fit(field: ProduceField, config: SortingConfig, most_items: int, most_
     Raises:
         FieldError: one line, with the row.
     """
-    items, belt, scenario = field.items, config.belt, config.scenario
+    items, belt = field.items, config.belt
     if len(items) > most_items:
         more = "raise load or stream_s of the scenario"
         raise FieldError(f"there are {len(items)} items and room for {most_items}: {more}")
-    half = 0.5 * belt.width_m
-    _inside("across_m", items.across_m, -half, half, "m", "on the belt")
-    longest = max(config.produce.tuber_length_m[1], config.produce.fruit_length_m[1])
-    # Where a stream is dense, items wait for each other: none longer than all before it are.
-    latest = max(scenario.time_limit_s, scenario.stream_s + (most_items * longest - belt.start_x_m) / belt.speed_m_s)
-    first = -belt.exit_x_m / belt.speed_m_s
-    _inside("passing_s", items.passing_s, first, latest, "s", "from the belt's end to the end of the episode")
+    limits = window(config, most_items)
+    _inside("across_m", items.across_m, *limits["across_m"], "m", "on the belt")
+    when = "from the belt's end to the end of the episode"
+    _inside("passing_s", items.passing_s, *limits["passing_s"], "s", when)
     order = np.lexsort((items.across_m, items.passing_s))
     along, across = np.diff(items.passing_s[order]) * belt.speed_m_s, np.diff(items.across_m[order])
     twice = np.flatnonzero((along < _SAME_M) & (np.abs(across) < _SAME_M))

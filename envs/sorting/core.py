@@ -15,7 +15,7 @@ from ..columns import names
 from ..core import Array, Rows, StepResult, TaskCore, observation_space
 from ..field import ABSENT, Camera
 from .columns import ITEM, LIMIT, TOTAL, Candidate, Item, Machine, Phases, Rewards, Scores
-from .completing import check_fit, completed
+from .completing import check_fit, completed, window
 from .config import GRADES, PerceptionModel, SortingConfig
 from .drawing import CameraModel, Stream, draw_streams, report_streams
 from .field import ProduceField, Streams, reports_of, stacked, unstacked
@@ -90,6 +90,11 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self.sensor_seed[rows] = batch.noise_seed
         if self._reports:
             take_reports(self.tables, self.state, rows, batch.reports)
+
+    @property
+    def window(self) -> dict[str, tuple[float, float]]:
+        """When items may pass the machine's middle, and where across the belt they may lie."""
+        return window(self.config, self.items.shape[1] - 1)
 
     def complete(self, field: Any, generator: np.random.Generator) -> ProduceField:
         """See ``TaskCore.complete``; reports that another camera has made are made anew, without any they are made."""

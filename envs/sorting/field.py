@@ -19,7 +19,10 @@ _LONGEST_S, _WIDEST_M, _ROUND = 1e5, 1.5, 2.5 * pi
 
 @dataclass(frozen=True, eq=False)
 class Items(Table):
-    """What comes down the belt, one row an item: columns as ``columns.Item``."""
+    """What comes down the belt, one row an item.
+
+    The columns are those of ``columns.Item``.
+    """
 
     passing_s: Array = number("s", -_LONGEST_S, _LONGEST_S, "when its centre passes the machine's middle, x = 0")
     across_m: Array = number("m", -_WIDEST_M, _WIDEST_M, "its centre across the belt, from the middle")
@@ -41,7 +44,10 @@ class Items(Table):
 
 @dataclass(frozen=True, eq=False)
 class Reports(Table):
-    """What a camera says, one row a report: columns as ``columns.Report``."""
+    """What a camera says, one row a report.
+
+    The columns are those of ``columns.Report``.
+    """
 
     passing_s: Array = number("s", -_LONGEST_S, _LONGEST_S, "when the centre passes the machine's middle, x = 0")
     across_m: Array = number("m", -4.0, 4.0, "the centre across the belt, from the middle")

@@ -18,7 +18,7 @@ from .config import FieldTask
 from .drawing import draw_blocks, draw_plants, draw_tracks, random_numbers, track_capacity
 from .features import LIMIT, Candidate, Machine, track_features
 from .field import WeedField
-from .filling import REAL_M, completed
+from .filling import REAL_M, completed, window
 from .perception import PerceptionModel
 from .process import WeedingProcess
 from .rules import apply_worlds, legal_option, move_up_rows, plan_worlds
@@ -94,8 +94,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
     @property
     def window(self) -> dict[str, tuple[float, float]]:
         """Where weeds may stand."""
-        scenario = self.config.scenario
-        return {"along_m": (0.0, scenario.strip_m), "across_m": (-0.5 * scenario.band_m, 0.5 * scenario.band_m)}
+        return window(self.config.scenario)
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw strips and what the statistical cameras make of them."""

@@ -56,6 +56,11 @@ def completed(
     return unstack(Batch(plants, draw_tracks(scenario, config.cart, perception, plants, *luck)), camera)[0]
 
 
+def window(scenario: ScenarioConfig) -> dict[str, tuple[float, float]]:
+    """Where weeds may stand, along and across."""
+    return {"along_m": (0.0, scenario.strip_m), "across_m": (-0.5 * scenario.band_m, 0.5 * scenario.band_m)}
+
+
 def _check_weeds(scenario: ScenarioConfig, weeds: Weeds) -> None:
     if len(weeds) > scenario.max_weeds:
         raise FieldError(
@@ -63,11 +68,10 @@ def _check_weeds(scenario: ScenarioConfig, weeds: Weeds) -> None:
             "weeds",
             scenario.max_weeds,
         )
-    half = 0.5 * scenario.band_m
-    outside = (weeds.along_m < 0.0) | (weeds.along_m > scenario.strip_m)
-    _refuse_where(outside, "weeds", weeds, "along_m", f"outside the strip, give 0 to {scenario.strip_m:g} m")
-    beside = np.abs(weeds.across_m) > half
-    _refuse_where(beside, "weeds", weeds, "across_m", f"outside the band, give {-half:g} to {half:g} m")
+    for (name, (low, high)), words in zip(window(scenario).items(), ("strip", "band"), strict=True):
+        values: Array = getattr(weeds, name)
+        outside = (values < low) | (values > high)
+        _refuse_where(outside, "weeds", weeds, name, f"outside the {words}, give {low:g} to {high:g} m")
     _refuse_where(_repeated(weeds), "weeds", weeds, "along_m", "another weed stands there, leave one out")
 
 

@@ -11,16 +11,20 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ...kernels.config_kinds import show
 from ..assembly import choice, meant
-from ..field import FieldError
+from ..field import ABSENT, FieldError
 from ..field_files import read_text
 from ..field_geojson import checked_features, object_lines, parsed, point
 from ..field_rows import printable, scaling
 from .config import SPECIES, STAGES
+from .field import Crops, WeedField, Weeds
 from .species import CROP, CROP_AND_WEED, LEFT_OUT, checked_mapping, classified
 
 FORMATS = ("cropandweed", "coco", "geojson")
@@ -31,6 +35,9 @@ _CELLS = ("Left", "Top", "Right", "Bottom", "LabelID", "StemX", "StemY")
 _STAGE_FROM_M = {SPECIES[0]: (0.026, 0.045), SPECIES[1]: (0.038, 0.068)}
 """Longer side of the box from which a broadleaf or a grass has two leaves, and four; between the sizes of the rendered
 ones [assumed]."""
+
+
+Window = Mapping[str, tuple[float, float]]
 
 
 class Found(NamedTuple):
@@ -105,6 +112,31 @@ def read_plants(
     if form == "coco":
         return _coco(read_text(path), file, mapping, ground, image)
     return _crop_and_weed(read_text(path), file, mapping, ground)
+
+
+def weed_field(plants: Sequence[Found], window: Window | None = None) -> WeedField:
+    """A strip with these plants; what a data set does not tell is absent.
+
+    Args:
+        plants: in any order.
+        window: by column, the range outside of which plants are left out.
+    """
+    kept = [plant for plant in plants if _inside(plant, window or {})]
+    weeds, crops = ([plant for plant in kept if (plant.what == CROP) is is_crop] for is_crop in (False, True))
+    stages = [STAGES.index(plant.stage) if plant.stage else ABSENT for plant in weeds]
+    species = [SPECIES.index(plant.what) for plant in weeds]
+    return WeedField(
+        replace(Weeds.empty(len(weeds)), **_places(weeds), species=np.array(species, int), stage=np.array(stages, int)),
+        replace(Crops.empty(len(crops)), **_places(crops)),
+    )
+
+
+def _places(plants: Sequence[Found]) -> dict[str, Any]:
+    return {name: np.array([getattr(plant, name) for plant in plants], float) for name in ("along_m", "across_m")}
+
+
+def _inside(plant: Found, window: Window) -> bool:
+    return all(low <= getattr(plant, name) <= high for name, (low, high) in window.items())
 
 
 def _crop_and_weed(text: str, file: str, mapping: Mapping[str, str], ground: _Ground) -> list[Found]:
