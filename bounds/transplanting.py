@@ -266,8 +266,8 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
     (rows_s, n), (rows_t, m), table, chances = (
         core.source_shape,
         core.target_shape,
-        core.tables.times,
-        core.tables.chances,
+        core.times,
+        core.terms.chances,
     )
     source, target = state.source_cells[row, :rows_s], state.target_cells[row, :rows_t]
     luck = state.luck[row, :rows_s]

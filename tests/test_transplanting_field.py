@@ -125,7 +125,10 @@ def test_public_draw_is_what_a_reset_draws_and_survives_stacking(scenario):
     assert fields == [core.draw_field(np.random.default_rng(seed)) for seed in range(3)]
     assert core.unstack(core.stack(fields)) == fields and len(set(fields)) == 3
     assert core.complete(fields[0], np.random.default_rng(9)) == fields[0], "nothing is missing, nothing is drawn"
-    assert fields[0].target.state.any() == config.scenario.replug
+    assert fields[0].target is not None and fields[0].target.state.any() == config.scenario.replug
+    source, target = fields[0].source, fields[0].target
+    chances = np.concatenate([source.lot, source.extract, source.lose, source.damage, target.lot])
+    assert len(np.unique(chances)) == len(chances), "no number decides twice"
 
 
 def small() -> TransplantingCore:

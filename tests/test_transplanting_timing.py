@@ -68,7 +68,7 @@ def test_out_and_back_rates_over_the_full_gate(motion, radius_m, published):
     env.step(4)
     second = env.step(2)[-1]["phases_s"]
     core = env.unwrapped.core
-    table = core.tables.times
+    table = core.times
     there, back = table.carry[2, 0, W.s], table.approach[STRAIGHT, 1, 0, W.s]
     assert there == pytest.approx(back, abs=1e-12)
     assert first["carry"] == second["carry"] == there

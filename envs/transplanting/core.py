@@ -35,7 +35,8 @@ from .rules import (
     FINISH,
     INDEX_SOURCE,
     INDEX_TARGET,
-    Tables,
+    FixedFeatures,
+    Terms,
     TransplantPlan,
     Worlds,
     apply_worlds,
@@ -88,7 +89,9 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
             }
         )
         self.places = places(config.machine, scenario.source, scenario.target)
-        self.tables = _tables(config, self.places, times(config), from_outside=perception is None)
+        self.times = times(config)
+        self.terms = _terms(config, from_outside=perception is None)
+        self._fixed = _fixed_features(config, self.places, self.times)
         self.state = Worlds(
             source_cells=np.zeros((b, rows_s + 1, n), np.int8),
             target_cells=np.zeros((b, rows_t + 1, m), np.int8),
@@ -172,7 +175,7 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
 
     def plan(self, actions: NDArray[np.int64]) -> TransplantPlan:
         """Turn actions (B,) into motions and nominal phase times."""
-        return plan_worlds(self.tables, self.state, actions)
+        return plan_worlds(self.times, self.terms.extraction, self.state, actions)
 
     def nominal(self, plan: TransplantPlan) -> TransplantOutcome:
         """Nominal phase times, the tool exactly where it was sent."""
@@ -180,11 +183,11 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
 
     def apply(self, plan: TransplantPlan, outcome: TransplantOutcome) -> StepResult:
         """Move plugs, index rows, book the time."""
-        return apply_worlds(self.tables, self.state, plan, outcome.phases_s, outcome.error_m)
+        return apply_worlds(self.terms, self.state, plan, outcome.phases_s, outcome.error_m)
 
     def observe(self) -> dict[str, NDArray[np.float32 | np.int8]]:
         """What the machine knows: itself, the pairs of the presented rows, what it may do."""
-        machine, candidates, mask = observe_worlds(self.tables, self.state)
+        machine, candidates, mask = observe_worlds(self.times, self._fixed, self.terms.time_limit_s, self.state)
         return {"machine": machine, "candidates": candidates, "action_mask": mask}
 
     def cells_of_pair(self, pair: int) -> tuple[int, int]:
@@ -213,22 +216,10 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         return f"{words.get(kind, 'illegal action')}: {elapsed:.2f} s"
 
 
-def _tables(config: TransplantingConfig, where: Places, table: Times, *, from_outside: bool) -> Tables:
-    """What the rules look up, from the configuration and the times of its motions."""
+def _terms(config: TransplantingConfig, *, from_outside: bool) -> Terms:
+    """What the rules book by."""
     scenario, process, weights = config.scenario, config.process, config.weights
-    n, m = scenario.source.columns, scenario.target.columns
-    across = np.clip(where.x_m / PLACE_SCALE_M, -SHOWN, SHOWN)
-    feature = np.zeros((n * m, len(names(Candidate))), np.float32)
-    feature[:, C.present] = 1.0
-    feature[:, C.source] = np.repeat(across[:n], m)
-    feature[:, C.target] = np.tile(across[n : n + m], n)
-    feature[:, C.carry] = np.minimum(table.carry[SPEEDS.index("normal"), :, W.s] / MOVE_SCALE_S, SHOWN)
-    place = np.zeros((len(across), 2), np.float32)
-    place[:, M.place], place[:, M.down] = across, where.height_m == 0.0
-    return Tables(
-        times=table,
-        pair_feature=feature,
-        place_feature=place,
+    return Terms(
         chances=speed_chances(config.machine, process),
         weights=np.array(Rewards(weights.planted, weights.spoiled, weights.seconds)),  # type: ignore[arg-type]
         extraction=process.extraction,
@@ -236,3 +227,17 @@ def _tables(config: TransplantingConfig, where: Places, table: Times, *, from_ou
         time_limit_s=scenario.time_limit_s,
         from_outside=from_outside,
     )
+
+
+def _fixed_features(config: TransplantingConfig, where: Places, table: Times) -> FixedFeatures:
+    """What is shown of pairs and places, scaled and held to the observation space."""
+    n, m = config.scenario.source.columns, config.scenario.target.columns
+    across = np.clip(where.x_m / PLACE_SCALE_M, -SHOWN, SHOWN)
+    pair = np.zeros((n * m, len(names(Candidate))), np.float32)
+    pair[:, C.present] = 1.0
+    pair[:, C.source] = np.repeat(across[:n], m)
+    pair[:, C.target] = np.tile(across[n : n + m], n)
+    pair[:, C.carry] = np.minimum(table.carry[SPEEDS.index("normal"), :, W.s] / MOVE_SCALE_S, SHOWN)
+    place = np.zeros((len(across), 2), np.float32)
+    place[:, M.place], place[:, M.down] = across, where.height_m == 0.0
+    return FixedFeatures(pair, place)

@@ -128,7 +128,7 @@ def moves(core: TransplantingCore, plan: TransplantPlan, row: int = 0) -> list[M
     if kind == NOTHING:
         return []
     if kind >= INDEX_SOURCE:
-        end = above(core.tables.times, start)
+        end = above(core.times, start)
         return [Move(start, end, EMPTY_HANDED, P.travel, False, "")] if end != start else []
     source, target = core.cells_of_pair(int(plan.pair[row]))
     legs: list[Move] = []

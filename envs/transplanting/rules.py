@@ -42,13 +42,10 @@ _SPEEDS, _PHASES, _REWARDS = len(SPEEDS), len(names(Phases)), len(names(Rewards)
 _MACHINE, _FEATURES, _SCORES = len(names(Machine)), len(names(Candidate)), len(names(Scores))
 
 
-class Tables(NamedTuple):
-    """What the rules look up; the same in every world. P places and K pairs as in ``timing``.
+class Terms(NamedTuple):
+    """What decides how a transplant ends and what it counts; the same in every world.
 
     Attributes:
-        times: how long everything takes.
-        pair_feature: (K, F), a possible pair's columns that do not depend on where the tool is.
-        place_feature: (P, 2), the features of the machine that the tool's place decides, the first two of ``Machine``.
         chances: (3, 2), of each speed, see ``Harms``.
         weights: of the reward's terms, see ``Rewards``.
         extraction: chance that a plug leaves its cell whole.
@@ -57,15 +54,24 @@ class Tables(NamedTuple):
         from_outside: whether reports come from cameras, after each move of a conveyor.
     """
 
-    times: Times
-    pair_feature: NDArray[np.float32]
-    place_feature: NDArray[np.float32]
     chances: Array
     weights: Array
     extraction: float
     reach_m: float
     time_limit_s: float
     from_outside: bool
+
+
+class FixedFeatures(NamedTuple):
+    """What is shown that no decision changes, for P places and K pairs as in ``timing``.
+
+    Attributes:
+        pair: (K, F), a possible pair's columns that do not depend on where the tool is.
+        place: (P, 2), the features of the machine that the tool's place decides, the first two of ``Machine``.
+    """
+
+    pair: NDArray[np.float32]
+    place: NDArray[np.float32]
 
 
 class Worlds(NamedTuple):
@@ -124,18 +130,20 @@ class TransplantPlan(NamedTuple):
 
 
 @compiled
-def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> TransplantPlan:
+def plan_worlds(times: Times, extraction: float, worlds: Worlds, actions: NDArray[np.int64]) -> TransplantPlan:
     """Turn actions (B,) into motions and nominal phase times."""
     count = actions.size
     kind, pair, held = np.empty(count, np.int64), np.empty(count, np.int64), np.zeros((count, 2), np.int8)
     clears, grips = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
-    start, end, times = worlds.place.copy(), worlds.place.copy(), tables.times
+    start, end = worlds.place.copy(), worlds.place.copy()
     phases_s, travel_m = np.zeros((count, _PHASES)), np.zeros(count)
     for w in range(count):
         what, chosen = kind_of(worlds, w, actions[w])
         kind[w], pair[w] = what, chosen
         if what < INDEX_SOURCE:
-            clears[w], grips[w], end[w] = plan_pair(tables, worlds, w, what, chosen, held, phases_s, travel_m)
+            clears[w], grips[w], end[w] = plan_pair(
+                times, extraction, worlds, w, what, chosen, held, phases_s, travel_m
+            )
         elif what == NOTHING:
             phases_s[w, P.wait] = times.illegal_s
         else:
@@ -165,7 +173,15 @@ def kind_of(worlds: Worlds, w: int, action: int) -> tuple[int, int]:
 
 @compiled
 def plan_pair(
-    tables: Tables, worlds: Worlds, w: int, speed: int, pair: int, held: Cells, phases_s: Array, travel_m: Array
+    times: Times,
+    extraction: float,
+    worlds: Worlds,
+    w: int,
+    speed: int,
+    pair: int,
+    held: Cells,
+    phases_s: Array,
+    travel_m: Array,
 ) -> tuple[bool, bool, int]:
     """Write down a pair's phases and what its cells hold; gives whether it clears, whether it grips, where it ends."""
     n, m = worlds.source_cells.shape[2], worlds.target_cells.shape[2]
@@ -173,8 +189,8 @@ def plan_pair(
     held[w, E.source] = worlds.source_cells[w, row, source]
     held[w, E.target] = worlds.target_cells[w, worlds.target_row[w], target]
     clears = worlds.target_reports[w, worlds.target_row[w], target] == POOR
-    grips = held[w, E.source] != EMPTY and worlds.luck[w, row, source, L.extract] < tables.extraction
-    way, here, times = CLEARING if clears else STRAIGHT, worlds.place[w], tables.times
+    grips = held[w, E.source] != EMPTY and worlds.luck[w, row, source, L.extract] < extraction
+    way, here = CLEARING if clears else STRAIGHT, worlds.place[w]
     phases_s[w, P.travel], travel_m[w] = times.approach[way, here, pair, W.s], times.approach[way, here, pair, W.m]
     phases_s[w, P.handle] = handling_s(times, clears, grips)
     if not grips:
@@ -185,7 +201,7 @@ def plan_pair(
 
 
 @compiled
-def apply_worlds(tables: Tables, worlds: Worlds, plan: TransplantPlan, phases_s: Array, error_m: Array) -> StepResult:
+def apply_worlds(terms: Terms, worlds: Worlds, plan: TransplantPlan, phases_s: Array, error_m: Array) -> StepResult:
     """Move plugs, index rows, book the time; ``error_m`` (B, 2) are the tool's errors at source and target."""
     count = len(plan.kind)
     rewards, terminated, truncated = np.zeros((count, _REWARDS)), np.empty(count, np.bool_), np.empty(count, np.bool_)
@@ -199,8 +215,8 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: TransplantPlan, phases_s:
         totals[T.travel_m] += plan.travel_m[w]
         gain, spoiled = 0.0, 0.0
         if kind < INDEX_SOURCE:
-            within = error_m[w, E.source] <= tables.reach_m and error_m[w, E.target] <= tables.reach_m
-            gain, spoiled = transplant(tables, worlds, plan, w, within)
+            within = error_m[w, E.source] <= terms.reach_m and error_m[w, E.target] <= terms.reach_m
+            gain, spoiled = transplant(terms, worlds, plan, w, within)
         elif kind == INDEX_SOURCE:
             spoiled = index_source(worlds, w)
         elif kind == NOTHING:
@@ -208,20 +224,20 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: TransplantPlan, phases_s:
         else:
             # A batch steps worlds that are over along with the others: they stay at the row behind the last.
             worlds.target_row[w] = min(worlds.target_row[w] + 1, worlds.target_cells.shape[1] - 1)
-        if tables.from_outside:
+        if terms.from_outside:
             worlds.look_due[w, E.source] |= kind == INDEX_SOURCE
             worlds.look_due[w, E.target] |= kind == INDEX_TARGET
-        rewards[w, R.planted] = gain * tables.weights[R.planted]
-        rewards[w, R.spoiled] = spoiled * tables.weights[R.spoiled]
-        rewards[w, R.time] = elapsed * tables.weights[R.time]
+        rewards[w, R.planted] = gain * terms.weights[R.planted]
+        rewards[w, R.spoiled] = spoiled * terms.weights[R.spoiled]
+        rewards[w, R.time] = elapsed * terms.weights[R.time]
         worlds.place[w] = plan.end[w]
         terminated[w] = kind == FINISH
-        truncated[w] = totals[T.time] >= tables.time_limit_s and not terminated[w]
+        truncated[w] = totals[T.time] >= terms.time_limit_s and not terminated[w]
     return StepResult(rewards, phases_s, terminated, truncated)
 
 
 @compiled
-def transplant(tables: Tables, worlds: Worlds, plan: TransplantPlan, w: int, within: bool) -> tuple[float, float]:
+def transplant(terms: Terms, worlds: Worlds, plan: TransplantPlan, w: int, within: bool) -> tuple[float, float]:
     """Empty a source cell and set its plug; gives healthy target cells gained and healthy seedlings spoiled."""
     totals, m = worlds.totals[w], worlds.target_cells.shape[2]
     speed, column, gap = plan.kind[w], plan.pair[w] // m, plan.pair[w] % m
@@ -242,14 +258,14 @@ def transplant(tables: Tables, worlds: Worlds, plan: TransplantPlan, w: int, wit
         if plug != EMPTY:
             totals[T.torn] += 1.0
             totals[T.damaged] += 1.0
-    elif worlds.luck[w, row, column, L.lose] < tables.chances[speed, H.lose] or not within:
+    elif worlds.luck[w, row, column, L.lose] < terms.chances[speed, H.lose] or not within:
         totals[T.lost] += 1.0
     else:
         # The sensor tells the machine that a plug arrived, not what became of it.
         worlds.target_reports[w, target_row, gap] = seen
         now = plug
         # A plug that is pushed into another one spoils both.
-        if left != EMPTY or worlds.luck[w, row, column, L.damage] < tables.chances[speed, H.damage]:
+        if left != EMPTY or worlds.luck[w, row, column, L.damage] < terms.chances[speed, H.damage]:
             now = DAMAGED
             totals[T.damaged] += 2.0 if left == HEALTHY else 1.0
         good = now == HEALTHY
@@ -275,11 +291,13 @@ def index_source(worlds: Worlds, w: int) -> float:
 
 
 @compiled
-def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int8]]:
+def observe_worlds(
+    times: Times, fixed: FixedFeatures, time_limit_s: float, worlds: Worlds
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int8]]:
     """Features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, 3 K + 2)."""
     count, n, m = len(worlds.place), worlds.source_reports.shape[2], worlds.target_reports.shape[2]
     source_rows, target_rows = worlds.source_reports.shape[1] - 1, worlds.target_reports.shape[1] - 1
-    machine, times = np.empty((count, _MACHINE), np.float32), tables.times
+    machine = np.empty((count, _MACHINE), np.float32)
     candidates = np.zeros((count, n * m * _FEATURES), np.float32)
     mask = np.zeros((count, _SPEEDS * n * m + 2), np.int8)
     for w in range(count):
@@ -297,7 +315,7 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
                 pair, clear = source * m + target, known == POOR
                 first = pair * _FEATURES
                 for column in range(_FEATURES):
-                    candidates[w, first + column] = tables.pair_feature[pair, column]
+                    candidates[w, first + column] = fixed.pair[pair, column]
                 approach_s = times.approach[CLEARING if clear else STRAIGHT, place, pair, W.s]
                 candidates[w, first + C.approach] = min(approach_s / MOVE_SCALE_S, SHOWN)
                 candidates[w, first + C.source_poor] = 1.0 if ready == POOR else 0.0
@@ -309,10 +327,10 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
             if worlds.target_reports[w, target_row, target] != HEALTHY:
                 gaps += 1
         machine[w, M.place], machine[w, M.down] = (
-            tables.place_feature[place, M.place],
-            tables.place_feature[place, M.down],
+            fixed.place[place, M.place],
+            fixed.place[place, M.down],
         )
-        machine[w, M.time] = min(worlds.totals[w, T.time] / tables.time_limit_s, SHOWN)
+        machine[w, M.time] = min(worlds.totals[w, T.time] / time_limit_s, SHOWN)
         machine[w, M.source_rows] = 1.0 - (row + 1.0) / source_rows
         machine[w, M.target_rows] = 1.0 - (target_row + 1.0) / target_rows
         machine[w, M.ready] = usable / n
