@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envs.compiled import compiled
 from ..envs.sorting.timing import GUESS_S, Paces, approach_s, carry_s, stroke_s, way_s
+from ..kernels import compiled
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

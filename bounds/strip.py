@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envs.compiled import compiled
 from ..envs.weeding.timing import G, Place, approach, move_time, ready
+from ..kernels import compiled
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

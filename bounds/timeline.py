@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envs.compiled import compiled
+from ..kernels import compiled
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

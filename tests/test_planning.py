@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fieldgym.agents.policies import search as planning
 from fieldgym.agents.policies.search import MOST_CANDIDATES, NOTHING, Step, search
-from fieldgym.envs.compiled import bind, compiled
+from fieldgym.kernels import bind, compiled
 
 
 class Errands(NamedTuple):

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.compiled import compiled
+from ...kernels import compiled
 
 
 def open_route(times: NDArray[np.float64]) -> list[int]:

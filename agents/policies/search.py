@@ -1,7 +1,7 @@
 """Beam search over what to do next, as machine code, for any task that can say what one more decision brings.
 
 A problem is a NamedTuple of arrays with a leading world axis, and two compiled functions bound to its type
-(``envs.compiled.bind``): ``extend`` and ``prospect``.
+(``kernels.bind``): ``extend`` and ``prospect``.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.compiled import by_kind, compiled
+from ...kernels import by_kind, compiled
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.compiled import bind, compiled
 from ...envs.sorting.columns import (
     CANDIDATE,
     CYCLE_SCALE_S,
@@ -20,6 +19,7 @@ from ...envs.sorting.columns import (
 from ...envs.sorting.config import REFERENCE_CYCLE_S, SortingConfig
 from ...envs.sorting.reports import SWING_M
 from ...envs.sorting.timing import Paces, approach_s, hold_s, stroke_s, way_s
+from ...kernels import bind, compiled
 from ...motion import QUINTIC
 from .base import Actions, ConfiguredPolicy, Observation, StatelessPolicy
 from .search import NOTHING, Step, search

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.compiled import bind, compiled
 from ...envs.sorting.columns import CANDIDATE, KINDS, MACHINE, PLACE_SCALE_M, candidate_table
 from ...envs.sorting.config import SortingConfig
+from ...kernels import bind, compiled
 from .base import Actions, Observation
 from .search import Step
 from .sorting import GRADE_COLUMNS, PickPlanner, Picks, queue

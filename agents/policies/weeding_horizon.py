@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.compiled import bind, compiled
 from ...envs.weeding.features import ACROSS_SCALE_M, ALONG_SCALE_M, SPEED_SCALE, C, M
 from ...envs.weeding.timing import A, G, Place, approach, move_time
+from ...kernels import bind, compiled
 from .base import Actions, Observation
 from .search import NOTHING, Step, search
 from .weeding import AtSpeed, HoldBacklog, ScriptedWeeder

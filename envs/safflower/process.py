@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..compiled import compiled
+from ...kernels import compiled
 from .config import ProcessConfig
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled
+from ...kernels import compiled
 from ..core import Array, StepResult
 from .features import ACROSS_SCALE_M, AHEAD_SCALE_M, HEIGHT_SCALE_M, LIMIT, TRAVEL_SCALE_S, C, M
 from .process import collected_share, cut_share

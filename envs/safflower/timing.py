@@ -10,9 +10,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from ...kernels import compiled
 from ...motion import QUINTIC
+from ...motion.compiled import shortest
 from ..columns import Says, numbered
-from ..compiled import compiled, shortest
 from ..core import Array
 from .config import EFFORTS, SafflowerConfig
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import pdtr
 
-from ..compiled import compiled, fill
+from ...kernels import compiled, fill
 from ..core import Array
 from .chances import ERROR, GHOST, SEEN, U, Z
 from .columns import ITEM, REPORT, Item, Report

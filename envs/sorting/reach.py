@@ -14,9 +14,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from ...kernels import compiled
 from ...mechanisms import ThreePRRS
 from ...motion.orientation import euler_angles, tilted
-from ..compiled import compiled
 from ..core import Array
 
 TILTS_RAD = np.deg2rad([0.0, 5.0, 10.0, 15.0, 20.0])

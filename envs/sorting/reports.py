@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ...kernels import compiled, fill
 from ...motion import orientation
-from ..compiled import compiled, fill
 from ..core import Array, Rows
 from .columns import (
     CANDIDATE,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled, copy, fill
+from ...kernels import compiled, copy, fill
 from ..core import Array, StepResult
 from .columns import (
     CANDIDATE,

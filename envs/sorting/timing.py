@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ...kernels import compiled
 from ...motion import QUINTIC
-from ..compiled import compiled
 from ..core import Array
 from .columns import NUMBER
 from .config import SortingConfig

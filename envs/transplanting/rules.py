@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...kernels import compiled
 from ..columns import names
-from ..compiled import compiled
 from ..core import Array, StepResult
 from .columns import (
     MOVE_SCALE_S,

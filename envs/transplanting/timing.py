@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from ...kernels import compiled
 from ...motion import QUINTIC, Gate, PathMotion, StoppedPath, minimum_time, rounded
-from ..compiled import compiled
 from ..core import Array
 from .columns import E, W
 from .config import MachineConfig, ScenarioConfig, TransplantingConfig, Tray

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled
+from ...kernels import compiled
 from ..core import Array
 from ..field import Camera, Table
 from . import field

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import by_kind
+from ...kernels import by_kind
 from ..core import Array
 
 LABEL_KILL = 0.8

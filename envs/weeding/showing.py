@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled
+from ...kernels import compiled
 from ..core import Array
 from .features import ALONG_SCALE_M, LEAVES_SCALE_S, LIMIT, SPEED_SCALE, TIME_SCALE_S, C, M
 from .rules import approach_slot

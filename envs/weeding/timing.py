@@ -16,8 +16,8 @@ from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 
+from ...kernels import by_kind, compiled
 from ..columns import Says, numbered
-from ..compiled import by_kind, compiled
 from ..core import Array
 
 

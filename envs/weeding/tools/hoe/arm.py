@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from .....kernels import bind, compiled
 from .....kernels.config import Config, num
 from .....motion import QUINTIC
-from ....compiled import bind, compiled
 from ...timing import Approach, Place
 
 

@@ -23,10 +23,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .....kernels import bind, compiled
 from .....kernels.config import Config, num
 from .....motion import QUINTIC
 from ....columns import Says, names, numbered
-from ....compiled import bind, compiled
 from ....core import Array
 from ...config import SPECIES, STAGES
 from ...process import LABEL_KILL

@@ -34,9 +34,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .....kernels import bind, compiled
 from .....kernels.config import Config, num
 from .....motion import QUINTIC
-from ....compiled import bind, compiled
 from ....core import Array
 from ...timing import A, Approach, Place
 

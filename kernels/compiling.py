@@ -15,13 +15,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba.extending import overload
-from numpy.typing import NDArray
-
-from ..motion import laws
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-_BOUND: dict[tuple[str, Any], Any] = {}
 
 
 def compiled(function: Function) -> Function:
@@ -50,8 +45,9 @@ def _stamp(folder: Path) -> str:
 
     Kernels outside the tasks may be made of any of them.
     """
-    envs = Path(__file__).parent
-    rooms = {folder, envs, envs.parent / "motion"}
+    root = Path(__file__).parents[1]
+    envs = root / "envs"
+    rooms = {folder, envs, root / "motion", root / "kernels"}
     if envs not in folder.parents:
         rooms |= {path for path in envs.iterdir() if path.is_dir()}
     digest = hashlib.sha256()
@@ -59,51 +55,3 @@ def _stamp(folder: Path) -> str:
         for source in sorted(room.glob("*.py")):
             digest.update(source.read_bytes())
     return digest.hexdigest()
-
-
-def by_kind(stub: Function) -> Function:
-    """Make of ``stub`` a function that is what the type of its first argument was bound to (see ``bind``).
-
-    So kernels are written once for several kinds of numbers, each with functions of its own.
-    """
-    name = stub.__name__
-
-    def call(numbers: Any, *rest: Any) -> Any:
-        return _BOUND[name, type(numbers)](numbers, *rest)
-
-    @overload(call, strict=False, jit_options={"error_model": "numpy"})
-    def _choose(numbers: Any, *rest: Any) -> Any:
-        bound = _BOUND.get((name, getattr(numbers, "instance_class", None)))
-        return None if bound is None else bound.py_func
-
-    call.__name__, call.__doc__ = name, stub.__doc__
-    return call  # type: ignore[return-value]
-
-
-def bind(kind: type, *functions: Callable[..., Any]) -> None:
-    """Let compiled ``functions`` stand for those of their names (see ``by_kind``) where a first argument is a ``kind``.
-
-    Args:
-        kind: a NamedTuple type; the functions belong into the folder of the kernels that use them, or into one below.
-        functions: compiled functions.
-    """
-    for function in functions:
-        _BOUND[function.__name__, kind] = function
-
-
-shortest = compiled(laws.shortest)
-"""``motion.laws.shortest`` of one stroke, for kernels."""
-
-
-@compiled
-def fill(row: NDArray[Any], value: float) -> None:
-    """Write ``value`` all along a row; Numba's own slices take seconds to compile."""
-    for i in range(len(row)):
-        row[i] = value
-
-
-@compiled
-def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
-    """Write the first elements of ``source`` all along ``target``; see ``fill``."""
-    for i in range(len(target)):
-        target[i] = source[i]
