@@ -2,7 +2,7 @@
 # make leaderboard every policy on the headline scenarios, under an hour; docs/leaderboard.md and results/report.html
 # make test        the tests
 # make lint        ruff and pyright
-# make clean       delete what the other targets made, the results excepted
+# make clean       delete what the other targets made, the results and the user's cache folder excepted
 #
 # Each target first makes the virtual environment that it needs, once. Another place for it, another Python:
 #   make test VENV=/tmp/venv PYTHON=python3.10

@@ -8,7 +8,13 @@ from typing import Any, TypeVar
 from numba.extending import overload
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-_BOUND: dict[tuple[str, Any], Any] = {}
+
+OPTIONS: Any = {"error_model": "numpy"}
+"""Numba's options for every kernel: IEEE arithmetic as written, division by zero gives infinity or NaN."""
+BOUND: dict[tuple[str, Any], Any] = {}
+"""Compiled functions by the name of their stub and the type of their first argument."""
+STUBS: set[Callable[..., Any]] = set()
+"""What ``by_kind`` has made."""
 
 
 def by_kind(stub: Function) -> Function:
@@ -19,14 +25,15 @@ def by_kind(stub: Function) -> Function:
     name = stub.__name__
 
     def call(numbers: Any, *rest: Any) -> Any:
-        return _BOUND[name, type(numbers)](numbers, *rest)
+        return BOUND[name, type(numbers)](numbers, *rest)
 
-    @overload(call, strict=False, jit_options={"error_model": "numpy"})
+    @overload(call, strict=False, jit_options=OPTIONS)
     def _choose(numbers: Any, *rest: Any) -> Any:
-        bound = _BOUND.get((name, getattr(numbers, "instance_class", None)))
+        bound = BOUND.get((name, getattr(numbers, "instance_class", None)))
         return None if bound is None else bound.py_func
 
     call.__name__, call.__doc__ = name, stub.__doc__
+    STUBS.add(call)
     return call  # type: ignore[return-value]
 
 
@@ -34,8 +41,8 @@ def bind(kind: type, *functions: Callable[..., Any]) -> None:
     """Let compiled ``functions`` stand for those of their names (see ``by_kind``) where a first argument is a ``kind``.
 
     Args:
-        kind: a NamedTuple type; the functions belong into the folder of the kernels that use them, or into one below.
+        kind: a NamedTuple type.
         functions: compiled functions.
     """
     for function in functions:
-        _BOUND[function.__name__, kind] = function
+        BOUND[function.__name__, kind] = function

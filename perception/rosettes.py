@@ -10,9 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from ..kernels import compiled
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.uint8]
@@ -34,7 +35,7 @@ class Rosette(NamedTuple):
     pixels: NDArray[np.int64]
 
 
-@numba.njit(cache=True)
+@compiled
 def _count_seen(road: Mask, at: NDArray[np.int64], pixels: NDArray[np.int64]) -> NDArray[np.int64]:  # pragma: no cover
     """How many of ``pixels`` (p, 2) each place ``at`` (c, 2) sees; lines run where ``road`` is not zero."""
     seen = np.zeros(len(at), np.int64)

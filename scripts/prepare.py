@@ -2,8 +2,8 @@
 
     python scripts/prepare.py
 
-Machine code stays beside the sources and is renewed when they change; without this command each environment compiles
-itself at its first reset.
+Machine code is kept in the user's cache folder (NUMBA_CACHE_DIR names another one) and renewed when the rules change;
+without this command each environment compiles itself at its first reset.
 """
 
 from __future__ import annotations
