@@ -36,6 +36,9 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         config: the task's numbers.
         perception: statistical camera, or None when reports come from outside through ``receive``.
         worlds: number of worlds B.
+
+    Attributes:
+        loaded: the fields that came last: with one world, what pictures show.
     """
 
     reward_names = names(Rewards)
@@ -56,17 +59,8 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         self.state = empty_worlds(config, worlds)
         # World (along, across, up) of the arm plane's (cart, u, v) = 0.
         self.frame = np.array([0.0, -0.5 * picker.five_bar.base_m, scenario.motor_height_m])
-        b, heads = worlds, scenario.plants * scenario.max_heads
-        # What the pictures show and the rules do not ask for.
-        self.head_exists = np.zeros((b, heads + 1), bool)
-        self.head_occluded = np.zeros((b, heads + 1), bool)
-        self.head_size_m = np.zeros((b, heads + 1))
-        self.head_plant = np.zeros((b, heads + 1), np.int64)
-        self.plant_base = np.zeros((b, scenario.plants, 3))
-        self.plant_height_m = np.zeros((b, scenario.plants))
-        self.plant_crown_m = np.zeros((b, scenario.plants))
-        self.plant_count = np.zeros(b, np.int64)
-        self.episode = np.zeros(b, np.int64)
+        self.loaded: Batch | None = None
+        self.episode = np.zeros(worlds, np.int64)
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw fields and what the statistical camera reports of them."""
@@ -92,17 +86,13 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def load(self, rows: Rows, batch: Batch) -> None:
         """Put fields into ``rows`` and the carts at their first stop, reports taken."""
         state = self.state
-        heads, plants, tracks = batch
+        self.loaded, (heads, _, tracks) = batch, batch
         state.head_position[rows, :-1] = heads.position - self.frame
         state.head_stage[rows, :-1] = heads.stage
         state.head_mass_g[rows, :-1] = heads.mass_g
         state.head_visited[rows] = False
         state.head_odds[rows, :-1, 0] = np.exp(self.config.process.luck_logit * heads.cut_luck)
         state.head_odds[rows, :-1, 1] = np.exp(self.config.process.luck_logit * heads.drop_luck)
-        self.head_exists[rows, :-1], self.head_occluded[rows, :-1] = heads.exists, heads.occluded
-        self.head_size_m[rows, :-1], self.head_plant[rows, :-1] = heads.size_m, heads.plant
-        self.plant_base[rows], self.plant_height_m[rows] = plants.base, plants.height_m
-        self.plant_crown_m[rows], self.plant_count[rows] = plants.crown_m, plants.count
         self.episode[rows] += 1
         state.totals[rows] = 0.0
         state.totals[rows, T.total] = heads.mass_g.sum(axis=1)
@@ -189,11 +179,12 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         legal = (np.abs(tracks.position[..., 1]) <= half_width) & (level <= rates.clear_m)
         feature = np.zeros((*level.shape, len(C)), np.float32)
         feature[..., C.present] = 1.0
-        feature[..., C.across] = np.clip(tracks.position[..., 1] / ACROSS_SCALE_M, -LIMIT, LIMIT)
-        feature[..., C.height] = np.clip((level - rates.clear_m) / HEIGHT_SCALE_M, -LIMIT, LIMIT)
+        feature[..., C.across] = tracks.position[..., 1] / ACROSS_SCALE_M
+        feature[..., C.height] = (level - rates.clear_m) / HEIGHT_SCALE_M
         feature[..., C.bud : C.dry + 1] = tracks.stage[..., None] == np.arange(C.dry + 1 - C.bud)
-        feature[..., C.size] = np.clip(tracks.size_m / SIZE_SCALE_M, -LIMIT, LIMIT)
+        feature[..., C.size] = tracks.size_m / SIZE_SCALE_M
         feature[..., C.reachable] = legal
+        np.maximum(np.minimum(feature, LIMIT, out=feature), -LIMIT, out=feature)
         state.track_target[rows, where] = target
         state.track_descent_s[rows, where] = levels_s(rates, level.ravel()).reshape(level.shape)
         state.track_legal[rows, where] = legal

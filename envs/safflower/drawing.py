@@ -143,7 +143,7 @@ def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[
             occluded=(exists & occluded).reshape(shape),
             cut_luck=z.take(*shape[1:]),
             drop_luck=z.take(*shape[1:]),
-            plant=np.broadcast_to(np.repeat(np.arange(plants), slots), shape),
+            plant=np.broadcast_to(np.arange(plants * slots) // slots, shape),
         ),
         Plants(base, height, crown, np.full(len(uniform), plants)),
     )
