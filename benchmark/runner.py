@@ -28,7 +28,7 @@ THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
-class Report:
+class RunResult:
     """How a run went.
 
     Attributes:
@@ -79,7 +79,7 @@ def run_suite(
     engine: str = "local",
     on_start: Callable[[int, int], None] = lambda skipped, total: None,
     on_record: Callable[[Record], None] = lambda record: None,
-) -> Report:
+) -> RunResult:
     """Run what is missing of ``suite`` and add it to ``folder``.
 
     The results do not depend on ``jobs``: each episode makes its own environment from its own seed.
@@ -127,7 +127,7 @@ def run_suite(
     finally:
         results.close()
     kept, bounds = ([record for record in part if "error" not in record] for part in (results.records, results.bounds))
-    return Report(kept, bounds, failures, len(done), results.outdated, violations(kept, bounds))
+    return RunResult(kept, bounds, failures, len(done), results.outdated, violations(kept, bounds))
 
 
 def _records(todo: Sequence[Episode], run: RunEpisode, jobs: int | None) -> Generator[Record, None, None]:

@@ -29,7 +29,7 @@ from fieldgym.scripts.common import (
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fieldgym.benchmark.runner import Report
+    from fieldgym.benchmark.runner import RunResult
     from fieldgym.benchmark.suites import Suite
 
 
@@ -188,7 +188,7 @@ def _console() -> Console:
     return console if console.is_terminal else Console(width=150)
 
 
-def _close(console: Console, report: Report, paths: list[Path]) -> None:
+def _close(console: Console, report: RunResult, paths: list[Path]) -> None:
     """Say where things are; leave with exit code 1 when an episode failed or beat its bound."""
     console.print("Written: " + ", ".join(str(path) for path in paths), soft_wrap=True, highlight=False)
     if report.outdated:

@@ -13,7 +13,7 @@ from ..motion.orientation import axes, from_euler
 from .client import PhysicsClient, pybullet
 from .closed_loop import Body
 from .hoe_model import HoeParameters
-from .prrs import PrrsMachine, PrrsReport
+from .prrs import PrrsMachine, PrrsResult
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class HoeMachine(PrrsMachine):
         on_step: Callable[[int], None] | None = None,
         *,
         measure: bool = False,
-    ) -> PrrsReport:
+    ) -> PrrsResult:
         """``run`` a motion with the soil's resistance, the cart driving at ``speed_m_s``."""
         poses = as_points(pose, 6, "pose")
         if poses.ndim != 2 or len(poses) < 2:

@@ -14,7 +14,7 @@ from .client import PhysicsClient
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
 from .hose import Hose
 from .machine import LoopMachine, urdf_file
-from .motion_report import Maxima, MotionReport
+from .motion_result import Maxima, MotionResult
 from .picker_model import HOSE_INLET_M, HOSE_RADIUS_M, PICKER_ASSET, PickerParameters, hose_outlet_m, picker_robot
 
 Array = NDArray[np.float64]
@@ -27,10 +27,10 @@ _HOSE_EVERY = 8
 
 
 @dataclass(frozen=True)
-class PickerReport(MotionReport):
+class PickerResult(MotionResult):
     """What a motion of the picker did.
 
-    Attributes as ``MotionReport``, and:
+    Attributes as ``MotionResult``, and:
         final_tool_m: tool centre in the world, (3,).
         cart_error_m: largest distance of the tool centre from its command along the row.
         arm_error_m: largest distance of the tool centre from its command in the arm's plane.
@@ -108,7 +108,7 @@ class PickerMachine(LoopMachine):
         on_step: Callable[[int], None] | None = None,
         *,
         measure: bool = False,
-    ) -> PickerReport:
+    ) -> PickerResult:
         """Drive the machine along a trajectory that is sampled at ``physics_hz`` and starts where it stands.
 
         Args:
@@ -140,7 +140,7 @@ class PickerMachine(LoopMachine):
         if not measure or last == 0:
             self._look(seen, wanted[last])
         tool_m = self.tool_world()
-        return PickerReport(
+        return PickerResult(
             duration_s=last * self.client.step_s,
             final_tool_m=tool_m,
             final_error_m=float(np.linalg.norm(tool_m - wanted[last])),
@@ -220,7 +220,7 @@ def fastest_gate(parameters: PickerParameters) -> tuple[Array, Array]:
     return cart.sample(time).position[:, 0], tool.sample(time).position
 
 
-def measure_tracking(parameters: PickerParameters | None = None) -> PickerReport:
+def measure_tracking(parameters: PickerParameters | None = None) -> PickerResult:
     """Tracking, closure and motor efforts over the whole of the fastest gate."""
     chosen = parameters or PickerParameters()
     cart, tool = fastest_gate(chosen)

@@ -19,7 +19,7 @@ from .assets import asset_path
 from .client import PhysicsClient, pybullet
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
 from .machine import START_TOLERANCE_M, LoopMachine
-from .motion_report import Maxima, MotionReport
+from .motion_result import Maxima, MotionResult
 from .prrs_model import PrrsParameters
 from .sorter_limits import first_violation
 
@@ -34,10 +34,10 @@ START_TOLERANCE_RAD = 0.03
 
 
 @dataclass(frozen=True)
-class PrrsReport(MotionReport):
+class PrrsResult(MotionResult):
     """What a motion of a 3-PRRS did.
 
-    Attributes as ``MotionReport``, and:
+    Attributes as ``MotionResult``, and:
         final_position_m: platform's centre in mechanism coordinates, (3,).
         final_quaternion: (w, x, y, z), (4,).
         position_error_m: largest distance of the platform's centre from its command.
@@ -121,7 +121,7 @@ class PrrsMachine(LoopMachine):
 
     def run(
         self, pose: ArrayLike, on_step: Callable[[int], None] | None = None, *, measure: bool = False
-    ) -> PrrsReport:
+    ) -> PrrsResult:
         """Drive the machine along poses that are sampled at ``physics_hz`` and start where it stands.
 
         Args:
@@ -160,7 +160,7 @@ class PrrsMachine(LoopMachine):
         if not measure or last == 0:
             self._look(seen, poses[last, :3], quaternions[last])
         position, quaternion = self.platform()
-        return PrrsReport(
+        return PrrsResult(
             duration_s=last * self.client.step_s,
             final_position_m=position,
             final_quaternion=quaternion,

@@ -13,7 +13,7 @@ from ..motion import Gate
 from .client import PhysicsClient, pybullet
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
 from .machine import LoopMachine, urdf_file
-from .motion_report import MotionReport
+from .motion_result import MotionResult
 from .transplanter_model import (
     FINGER_STROKE_M,
     LOOKS_ASSET,
@@ -35,10 +35,10 @@ _SOLVER_ITERATIONS = 12
 
 
 @dataclass(frozen=True)
-class GateReport(MotionReport):
+class GateResult(MotionResult):
     """What a motion of the transplanter did.
 
-    Attributes as ``MotionReport``, and:
+    Attributes as ``MotionResult``, and:
         final_tool_m: tool (x, y) in the mechanism's plane, (2,).
         tracking_error_m: largest distance of the tool from its command.
         torque_n_m: torques that the motors applied, (steps, 2) when measured, else (1, 2).
@@ -144,7 +144,7 @@ class TransplanterMachine(LoopMachine):
 
     def run(
         self, tool: ArrayLike, on_step: Callable[[int], None] | None = None, *, measure: bool = False
-    ) -> GateReport:
+    ) -> GateResult:
         """Drive the machine along a trajectory that is sampled at ``physics_hz`` and starts where it stands.
 
         Args:
@@ -179,7 +179,7 @@ class TransplanterMachine(LoopMachine):
             look(last)
         reached = self.tool()
         efforts = np.array(torques)
-        return GateReport(
+        return GateResult(
             duration_s=last * self.client.step_s,
             final_tool_m=reached,
             final_error_m=float(np.linalg.norm(reached - tools[last])),
@@ -231,7 +231,7 @@ def full_gate(parameters: TransplanterParameters, gate: Gate) -> tuple[Array, Ar
 
 def measure_tracking(
     gate: Gate, parameters: TransplanterParameters | None = None, payload_kg: float = 0.3
-) -> GateReport:
+) -> GateResult:
     """Tracking, closure and motor torques over the whole window with a payload (0.3 kg is published)."""
     chosen = parameters or TransplanterParameters()
     positions = full_gate(chosen, gate)[0]

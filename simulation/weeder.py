@@ -23,7 +23,7 @@ _DRIVEN = [JOINTS.index(name) for name in MOTORS]
 
 
 @dataclass
-class WeederReport:
+class WeederResult:
     """What a motion did.
 
     Attributes:
@@ -100,7 +100,7 @@ class WeederMachine(LoopMachine):
         target_height_m: float = 0.0,
         look: NDArray[np.bool_] | None = None,
         on_step: Callable[[int], None] | None = None,
-    ) -> WeederReport:
+    ) -> WeederResult:
         """Drive the machine along a trajectory that is sampled at ``physics_hz`` and starts where it stands.
 
         Args:
@@ -137,7 +137,7 @@ class WeederMachine(LoopMachine):
                 on_step(row)
 
         self._machine.follow(targets, watch)
-        return WeederReport(last * self.client.step_s, closure, peak, self._machine.saturated(peak), beam)
+        return WeederResult(last * self.client.step_s, closure, peak, self._machine.saturated(peak), beam)
 
     def platform_world(self) -> Array:
         """The platform's centre in the world, (3,), metres."""

@@ -37,7 +37,7 @@ def wanted(policies: list[str], episodes: int = 2) -> Suite:
     return suite("quick", [ENV]).narrowed(None, policies, episodes, "analytic").traced()
 
 
-def run(chosen: Suite, folder: Path, resume: bool = False) -> tuple[runner.Report, list[tuple[str, Any]]]:
+def run(chosen: Suite, folder: Path, resume: bool = False) -> tuple[runner.RunResult, list[tuple[str, Any]]]:
     """The report, and which episodes were run."""
     ran: list[tuple[str, Any]] = []
     report = runner.run_suite(

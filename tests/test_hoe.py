@@ -328,7 +328,7 @@ def test_pybullet_agrees_with_the_plan():
                 observation, _, end, cut, info = env.step(int(rule.act(batch)[0]))
                 over = end or cut
                 if backend == "pybullet":
-                    errors.append(env.unwrapped.executor.last_report.final_error_m)
+                    errors.append(env.unwrapped.executor.last_result.final_error_m)
             pair.append(info["scorecard"])
             env.close()
         cycles.append(pair[1]["cycle_time_s"] / pair[0]["cycle_time_s"])

@@ -146,11 +146,11 @@ def test_with_lambda_one_the_fit_is_that_of_the_returns(tmp_path):
     from stable_baselines3.common.logger import configure
 
     from fieldgym.agents.learning.policy_iteration import _RIDGE, _Run
-    from fieldgym.agents.learning.runs import Record
+    from fieldgym.agents.learning.runs import Journal
 
     settings = TrainSettings.of({**SMALL.as_dict(), "gae_lambda": 1.0})
     env = worlds(settings.episodes)
-    run = _Run(Record(ID, settings, 0, tmp_path, configure(None, [])), env, 1_000_000_000)
+    run = _Run(Journal(ID, settings, 0, tmp_path, configure(None, [])), env, 1_000_000_000)
     teacher = make_policy("fifo", env)
     run._watch(run._play(teacher))
     moments = list(run._play(teacher))

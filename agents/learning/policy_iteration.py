@@ -29,7 +29,7 @@ from ..policies.value_weights import GAINS, SHAPES, VALUE
 from ..registry import make_policy
 from ..rollout import batch_decisions
 from .portable import replace_file
-from .runs import BEST, CheckpointError, Progress, Record, Result, first_training_seed
+from .runs import BEST, CheckpointError, Journal, Progress, Result, first_training_seed
 from .train_settings import TrainSettings, algorithms
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def iterate(
     first_seed = first_training_seed(seed)
     folder.mkdir(parents=True, exist_ok=True)
     logger = configure(str(folder / "tensorboard"), ["tensorboard"])
-    record = Record(env_id, settings, seed, folder, logger)
+    record = Journal(env_id, settings, seed, folder, logger)
     env: Any = gym.make_vec(
         env_id,
         settings.episodes,
@@ -112,7 +112,7 @@ def iterate(
 class _Run:
     """Rounds of play and fitting; what one round leaves is all that the next one needs."""
 
-    def __init__(self, record: Record, env: Any, first_seed: int):
+    def __init__(self, record: Journal, env: Any, first_seed: int):
         self.record, self.settings, self.env, self.first_seed = record, record.settings, env, first_seed
         self.weights: dict[str, Array] = {name: np.zeros(shape) for name, shape in SHAPES.items()}
 

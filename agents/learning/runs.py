@@ -107,7 +107,7 @@ class Result:
     curve: list[dict[str, float]]
 
 
-class Record:
+class Journal:
     """What a run has found so far, in memory and in its folder.
 
     Attributes:

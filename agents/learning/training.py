@@ -19,7 +19,7 @@ from ..policies.network import NetworkPolicy
 from ..registry import make_policy
 from . import checkpoint
 from .imitation import imitate
-from .runs import BEST, Progress, Record, Result, first_training_seed
+from .runs import BEST, Journal, Progress, Result, first_training_seed
 from .sb3 import NativeVecEnv, make_vec_env
 from .set_policy import MaskableSetPolicy, SetPolicy
 from .train_settings import TrainSettings
@@ -73,7 +73,7 @@ def train(
         # SB3 hands its own seed on to the environment.
         model = _model(env, settings, first_seed)
         logger = configure(str(folder / "tensorboard"), ["tensorboard"])
-        record = Record(env_id, settings, seed, folder, logger)
+        record = Journal(env_id, settings, seed, folder, logger)
         run = _Run(record, model, env, on_update)
         model.set_logger(logger)
         if saved is not None:
@@ -122,7 +122,7 @@ def _model(env: NativeVecEnv, settings: TrainSettings, seed: int) -> Any:
 class _Run(BaseCallback):
     """Measures, evaluates and keeps a run, between SB3's rollouts and updates."""
 
-    def __init__(self, record: Record, learner: Any, env: NativeVecEnv, on_update: Callable[[Progress], None]):
+    def __init__(self, record: Journal, learner: Any, env: NativeVecEnv, on_update: Callable[[Progress], None]):
         super().__init__()
         self.record, self.settings = record, record.settings
         self.learner, self.worlds, self.on_update = learner, env, on_update

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,12 +39,6 @@ def open_route(times: NDArray[np.float64]) -> list[int]:
                     route[i : j + 1] = route[i : j + 1][::-1]
                     improved = True
     return [place - 1 for place in route[1:]]
-
-
-def route_time(times: NDArray[np.float64], route: list[int]) -> float:
-    """Duration of an open route in the form that ``open_route`` returns."""
-    stops = [0, *(place + 1 for place in route)]
-    return float(sum(times[a, b] for a, b in pairwise(stops)))
 
 
 MOST_EXACT = 12

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...motion import QUINTIC
-from ...simulation.motion_report import Rest
+from ...simulation.motion_result import Rest
 from ...simulation.picker_model import PickerParameters
 from ..core import Array, Rows
 from .config import SafflowerConfig

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...motion.orientation import axes
-from ...simulation.motion_report import Rest
+from ...simulation.motion_result import Rest
 from ...simulation.sorter import SorterMachine
 from ..core import Array, Rows
 from .columns import PHASE

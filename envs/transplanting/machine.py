@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...motion import PathMotion, StoppedPath
-from ...simulation.motion_report import Rest
-from ...simulation.transplanter import GateReport, TransplanterMachine
+from ...simulation.motion_result import Rest
+from ...simulation.transplanter import GateResult, TransplanterMachine
 from ...simulation.transplanter_model import TransplanterParameters
 from ..core import Array, Rows
 from .columns import E, P
@@ -115,7 +115,7 @@ class PyBulletTransplanter:
     def _drive(self, move: Move) -> tuple[float, float, float]:
         """Simulated and nominal seconds of a move, and the tool's distance from its end."""
         positions, nominal_s = self._trajectories.samples(move, self._machine.client.step_s)
-        report: GateReport = self._machine.run(positions)
+        report: GateResult = self._machine.run(positions)
         still = np.repeat(positions[-1:], _REST.steps(self._machine.client.step_s), axis=0)
         report, moved_s = _REST.wait(report, report.duration_s, nominal_s, lambda: self._machine.run(still))
         return moved_s, nominal_s, report.final_error_m

@@ -7,7 +7,7 @@ import numpy as np
 from .....motion import QUINTIC
 from .....simulation.hoe import HoeMachine
 from .....simulation.hoe_model import HoeParameters
-from .....simulation.prrs import PrrsReport
+from .....simulation.prrs import PrrsResult
 from ....core import Array, Rows
 from ...core import WeederOutcome, WeedingCore
 from ...state import WAIT, V, WeederPlan
@@ -33,7 +33,7 @@ class PyBulletHoe:
         self._core, self._hoe = core, config.process
         self._machine = HoeMachine(hoe_parameters(config))
         self._dt = 1.0 / self._machine.parameters.physics_hz
-        self.last_report: PrrsReport | None = None
+        self.last_result: PrrsResult | None = None
 
     def reset_rows(self, rows: Rows) -> None:
         """Put the machine where the rules say it stands, its blade up."""
@@ -62,7 +62,7 @@ class PyBulletHoe:
             if stirring[row]:
                 errors.append(self._machine.platform()[0][:2] - pose[row, :2])
 
-        self.last_report = self._machine.hoe(pose, speed, look)
+        self.last_result = self._machine.hoe(pose, speed, look)
         hit = plan.aim + np.mean(errors, axis=0) if errors else plan.aim
         return WeederOutcome(phases, hit)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .....motion import QUINTIC
-from .....simulation.weeder import WeederMachine, WeederReport
+from .....simulation.weeder import WeederMachine, WeederResult
 from .....simulation.weeder_model import WeederParameters
 from ....core import Array, Rows
 from ...core import WeederOutcome, WeedingCore
@@ -32,7 +32,7 @@ class PyBulletWeeder:
         self._core, self._config = core, config
         self._machine = WeederMachine(weeder_parameters(config))
         self._dt = 1.0 / self._machine.parameters.physics_hz
-        self.last_report: WeederReport | None = None
+        self.last_result: WeederResult | None = None
 
     def reset_rows(self, rows: Rows) -> None:
         """Put the machine where the rules say it stands, its cart driving already."""
@@ -55,7 +55,7 @@ class PyBulletWeeder:
             burning[first::_LOOK_EVERY] = True
         reach = config.reach
         report = self._machine.run(cart, poses(reach, beam, cart), reach.target_height_m, burning)
-        self.last_report = report
+        self.last_result = report
         hit = plan.aim
         if works:
             seen = report.beam[burning]

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class MotionReport:
+class MotionResult:
     """What a motion did. Unless it was measured, the maxima know the state after its last step only.
 
     Attributes:
@@ -33,7 +33,7 @@ class MotionReport:
     measured: bool
 
 
-ReportT = TypeVar("ReportT", bound=MotionReport)
+ResultT = TypeVar("ResultT", bound=MotionResult)
 
 
 class Maxima:
@@ -74,7 +74,7 @@ class Rest(NamedTuple):
         """Commands that hold the machine still for ``wait_s``, the first of which is where it stands."""
         return round(self.wait_s / step_s) + 1
 
-    def wait(self, report: ReportT, moved_s: float, end_s: float, hold: Callable[[], ReportT]) -> tuple[ReportT, float]:
+    def wait(self, report: ResultT, moved_s: float, end_s: float, hold: Callable[[], ResultT]) -> tuple[ResultT, float]:
         """Hold still until the motion is over.
 
         Args:
