@@ -69,7 +69,8 @@ class TrayTransplantingEnv(TaskEnv[TransplantPlan, TransplantOutcome]):
     target cell is reported healthy are masked; a target cell reported poor is cleared into the chute between the trays
     first. An illegal action does nothing, costs one second and is counted.
 
-    **Observation**, a ``Dict`` of float32 boxes scaled to order one:
+    **Observation**, a ``Dict`` of float32 boxes scaled to order one; what has no end of its own (seconds of a slow
+    machine, the time behind a short limit) is held to 10:
 
     - ``machine`` (7,): ``place`` of the tool across / 0.3 m, ``down`` whether it is in a cell, ``time`` / time limit,
       ``source_rows`` left in the supply / all, ``target_rows`` left / all, ``ready`` source cells reported planted /
