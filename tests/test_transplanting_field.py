@@ -189,15 +189,19 @@ def test_trays_come_from_plain_maps_and_go_back(tmp_path):
     signs = "source\no o x\n. . o   # second row\n\n\no.o\ntarget:\n\n. o\n"
     words = "healthy healthy poor\nempty empty healthy\nhealthy empty healthy\n\nempty healthy\n"
     source, target = [[H, H, P], [E, E, H], [H, E, H]], [[E, H]]
-    assert read_grid(signs, "a") == (source, target) == read_grid(words, "b")
-    assert read_grid(write_grid(source, target), "c") == (source, target)
-    assert read_grid("ooo", "d") == ([[H, H, H]], [])
+    assert read_grid(signs, "a")[:2] == (source, target) == read_grid(words, "b")[:2]
+    assert read_grid(signs, "a").lines == {"source": [2, 3, 6], "target": [9]}
+    assert read_grid(write_grid(source, target), "c")[:2] == (source, target)
+    assert read_grid("ooo", "d")[:2] == ([[H, H, H]], [])
     assert TrayField.from_text(signs, "a") == TrayField.of_cells(source, target)
     env: Any = gym.make(ID, backend="analytic", disable_env_checker=True).unwrapped
     path = tmp_path / "trays.txt"
     path.write_text(signs, encoding="utf-8")
     env.reset(seed=0, options={"field": path})
     assert env.core.state.source_cells[0, :3, :3].tolist() == source
+    path.write_text("# too wide\nooo\nooo\n\n" + "o" * 7, encoding="utf-8")
+    with pytest.raises(FieldError, match=r"trays.txt:5: target: row 0, column 6 lies outside the target trays"):
+        env.reset(options={"field": path})
 
 
 @pytest.mark.parametrize(
@@ -222,11 +226,11 @@ def test_maps_that_cannot_be_read_are_named_with_their_line(text, word):
 @given(st.text(alphabet="ox.# \n:sourcetargepy\u00e9\t\x00", max_size=60))
 def test_any_text_is_a_map_or_an_error_of_one_line(text):
     try:
-        source, target = read_grid(text, "map")
+        source, target, _ = read_grid(text, "map")
     except FieldError as error:
         assert str(error).isprintable()
     else:
-        assert read_grid(write_grid(source, target), "map") == (source, target)
+        assert read_grid(write_grid(source, target), "map")[:2] == (source, target)
 
 
 def best_by_trying(core: TransplantingCore) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from scipy.special import ndtri
 
 from ..columns import names
 from ..core import Array
-from ..field import Field, FieldError, Table, Toy, Whole, label, number, whole
+from ..field import Field, FieldError, Origin, Table, Toy, Whole, label, number, whole
 from .columns import Lucks
 from .config import EMPTY, HEALTHY, POOR, REPORTS, PerceptionModel, ScenarioConfig, TransplantingConfig, Tray
 
@@ -73,7 +73,12 @@ class TrayField(Field):
         """Trays from a plain map of their cells, see ``grid``."""
         from .grid import read_grid
 
-        return cls.of_cells(*read_grid(text, where))
+        told = read_grid(text, where)
+        made = cls.of_cells(told.source, told.target)
+        width = {"source": len(told.source[0]), "target": len(told.target[0]) if told.target else 0}
+        lines = {side: np.repeat(told.lines[side], cells).tolist() for side, cells in width.items()}
+        object.__setattr__(made, "origin", Origin(where, lines, {}))
+        return made
 
     @classmethod
     def toy(cls) -> tuple[Toy, ...]:

@@ -17,6 +17,7 @@ is not read.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from ..field import FieldError
 from .config import REPORTS
@@ -30,8 +31,16 @@ _ADVICE = ", ".join(f"{sign} or {word}" for sign, word in zip(SIGNS, REPORTS, st
 Block = list[list[int]]
 
 
-def read_grid(text: str, where: str) -> tuple[Block, Block]:
-    """What the cells of the source and of the target trays hold, by row.
+class TrayMap(NamedTuple):
+    """What cells hold, by row: of the source and of the target trays; ``lines`` say where each row stands, by block."""
+
+    source: Block
+    target: Block
+    lines: dict[str, list[int]]
+
+
+def read_grid(text: str, where: str) -> TrayMap:
+    """What the cells of the source and of the target trays hold.
 
     Args:
         text: the map.
@@ -41,6 +50,7 @@ def read_grid(text: str, where: str) -> tuple[Block, Block]:
         FieldError: it is no such map; the message names the line.
     """
     blocks: dict[str, Block] = {}
+    lines: dict[str, list[int]] = {name: [] for name in HEADS}
     head, headed, gap = "", False, True
     for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
         at, words = f"{where}:{number}", line.split("#")[0].lower().split()
@@ -61,6 +71,7 @@ def read_grid(text: str, where: str) -> tuple[Block, Block]:
             blocks[head] = []
         gap = False
         blocks[head].append(_row(words, at))
+        lines[head].append(number)
         if len(blocks[head][-1]) != len(blocks[head][0]):
             raise FieldError(
                 f"{at}: {len(blocks[head][-1])} cells, the first row of the {head} trays has {len(blocks[head][0])}: "
@@ -68,7 +79,7 @@ def read_grid(text: str, where: str) -> tuple[Block, Block]:
             )
     if not blocks.get("source"):
         raise FieldError(f"{where}: no source trays: draw their cells, a line a row: {_ADVICE}")
-    return blocks["source"], blocks.get("target", [])
+    return TrayMap(blocks["source"], blocks.get("target", []), lines)
 
 
 def write_grid(source: Sequence[Sequence[int]], target: Sequence[Sequence[int]]) -> str:
