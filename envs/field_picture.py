@@ -116,7 +116,7 @@ def _draw_places(
     figure: Any, field: Field, groups: Sequence[_Group], views: Sequence[tuple[str, str]], window: Window
 ) -> None:
     units = {name: column.unit for table in field.kinds().values() for name, column in table.columns().items()}
-    spans = [(_span(groups, x, window), _span(groups, y, window)) for x, y in views]
+    spans = [(_span(groups, x, window, 0.02), _span(groups, y, window, 0.1)) for x, y in views]
     stretches, heights = [], []
     for (x, y), ((left, right), (low, high)) in zip(views, spans, strict=True):
         ratio = (right - left) / (high - low) if units[x] == units[y] else WIDTH_IN / 3.0
@@ -212,16 +212,16 @@ def _handle(group: _Group, measured: bool) -> Any:
     )
 
 
-def _span(groups: Sequence[_Group], name: str, window: Window) -> tuple[float, float]:
-    """The range of a column with a margin, over what is there and the window."""
+def _span(groups: Sequence[_Group], name: str, window: Window, margin: float) -> tuple[float, float]:
+    """The range of a column over what is there and the window, and a margin, a share of it."""
     parts = [getattr(group.table, name)[group.rows] for group in groups if name in group.table.columns()]
     values = np.concatenate([*parts, np.asarray(window.get(name, ()), float)])
     values = values[np.isfinite(values)]
     if not len(values):
         return 0.0, 1.0
     low, high = float(values.min()), float(values.max())
-    margin = 0.08 * (high - low) or 0.05
-    return low - margin, high + margin
+    room = margin * (high - low) or 0.05
+    return low - room, high + room
 
 
 def _axis(name: str, unit: str) -> str:

@@ -145,7 +145,8 @@ def built(field_type: type[FieldT], content: Content, metres: Scaling, file: str
         fault = table.fault()
         if fault is not None:
             index, name, problem = fault
-            advice = hints.get(name) or _other_unit(table_type.columns()[name], getattr(table, name)[index])
+            column = table_type.columns()[name]
+            advice = hints.get(name) or other_unit(column, getattr(table, name)[index], column.low, column.high)
             raise FieldError(f"{file}:{rows[index].line}: {kind}: {problem}{advice}")
         if kind not in field_type.optional():
             _single(field_type, table, rows, file)
@@ -222,13 +223,12 @@ def _empty(raw: Any) -> bool:
     return raw is None or (isinstance(raw, str) and not raw.strip())
 
 
-def _other_unit(column: Column, value: Any) -> str:
-    """The unit that a file seems to be in where a length is far too large."""
-    if column.unit == "m":
-        for unit, parts in (("cm", 100.0), ("mm", 1000.0)):
-            if abs(value) > 10.0 * column.high and column.low <= value / parts <= column.high:
-                return f" (is the file in {unit}? then read it with unit {unit})"
-    return ""
+def other_unit(column: Column, value: Any, low: float, high: float) -> str:
+    """The units that a file may be in where a length is far out of a range."""
+    if column.unit != "m" or low - 9.0 * (high - low) <= value <= high + 9.0 * (high - low):
+        return ""
+    fits = [unit for unit, parts in (("mm", 1000.0), ("cm", 100.0)) if low <= value / parts <= high]
+    return f" (is the file in {' or '.join(fits)}? then read it with that unit)" if fits else ""
 
 
 def _single(field_type: type[Field], table: Table, rows: Sequence[Row], file: str) -> None:

@@ -12,6 +12,7 @@ from .assembly import meant
 from .core import TaskCore
 from .field import FieldError
 from .field_files import read_field
+from .field_rows import other_unit
 
 
 def checked_options(options: Any, known: Sequence[str]) -> Mapping[str, Any]:
@@ -46,4 +47,11 @@ def completed(core: TaskCore[Any, Any], field: Any, generator: np.random.Generat
         return core.complete(given, generator)
     except FieldError as error:
         origin = getattr(given, "origin", None)
-        raise (error if origin is None else origin.located(error)) from None
+        if origin is None:
+            raise
+        if error.column in core.window and error.column not in origin.hints and error.kind == given.main:
+            table = getattr(given, error.kind)
+            value = getattr(table, error.column)[error.row]
+            advice = other_unit(table.columns()[error.column], value, *core.window[error.column])
+            origin = origin._replace(hints={**origin.hints, error.column: advice})
+        raise origin.located(error) from None

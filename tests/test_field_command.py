@@ -54,18 +54,22 @@ def test_check_says_what_was_filled_and_writes_the_completed_field(tmp_path: Pat
 def test_what_does_not_fit_the_machine_is_told_with_its_line(tmp_path: Path, name: str):
     path = tmp_path / name
     if name.endswith("csv"):
-        path.write_text(HAND + "99,0,0.8,bud\n")
+        path.write_text(HAND + "60,0,0.8,bud\n")
     else:
         point = '{"type": "Feature", "geometry": {"type": "Point", "coordinates": [%s, 0, 0.8]}, '
         point += '"properties": {"stage": "bud"}}'
-        path.write_text(f'{{"type": "FeatureCollection", "features": [\n{point % 0.1},\n\n{point % 99}]}}')
+        path.write_text(f'{{"type": "FeatureCollection", "features": [\n{point % 0.1},\n\n{point % 60}]}}')
     with pytest.raises(CommandError) as told:
         field("check", path, "--env", ENV, "--scenario", "pots")
-    assert str(told.value).startswith(f"{path}:4: heads: along_m = 99 m: outside the row, give")
+    assert str(told.value).startswith(f"{path}:4: heads: along_m = 60 m: outside the row, give")
+    assert "is the file in" not in str(told.value)
     env = gym.make(ENV, scenario="pots", backend="analytic").unwrapped
     with pytest.raises(FieldError) as refused:
         env.reset(options={"field": path})
     assert str(refused.value) == str(told.value)
+    path.write_text(path.read_text().replace("60", "1180"))
+    with pytest.raises(CommandError, match=r"give -0.415 to 6.715 m \(is the file in mm\? then read it with that unit"):
+        field("check", path, "--env", ENV, "--scenario", "pots")
 
 
 def test_show_writes_a_picture_even_of_what_lies_outside(tmp_path: Path):

@@ -207,7 +207,11 @@ ROW = "1,0,bud"
         (f"{HEAD},shoots\n{ROW},1e300\n", 2, "is no whole number"),
         (f"{HEAD},hidden\n{ROW},yes\n", 2, "hidden = 'yes' is no truth value: give 0 or 1"),
         (f"{HEAD}\n{ROW}\n,0,bud\n", 3, "along_m is missing"),
-        (f"{HEAD}\n{ROW}\n1180,0,bud\n", 3, "along_m = 1180 m: give 0 to 4 m (is the file in mm?"),
+        (
+            f"{HEAD}\n{ROW}\n1180,0,bud\n",
+            3,
+            "along_m = 1180 m: give 0 to 4 m (is the file in mm? then read it with that unit)",
+        ),
         (f"{HEAD}\n5,0,bud\n", 2, "along_m = 5 m: give 0 to 4 m"),
         (f"{HEAD}\n2,0,bud\n{ROW}\n1.0,-0,dry\n", 4, "along_m = 1, across_m = 0 is there twice, first in line 3"),
         (f"{HEAD}\n1,0\n", 2, "has 2 cells, the header 3"),
