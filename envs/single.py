@@ -94,7 +94,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         if self._view is None:
             if self._make_view is None:
                 raise ValueError(f"{type(self).__name__} draws nothing: its assembly has no view")
-            self._view = self._make_view(self.core, self.render_mode == "human")
+            self._view = self._make_view(self.core)
         return self._view
 
     @property

@@ -2,50 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from .client import PhysicsClient, pybullet
-
-Array = NDArray[np.float64]
+from ..rendering.instances import NOBODY, Instances, instances, upright_to
+from ..rendering.library import MeshLibrary
+from ..rendering.shapes import capsule
 
 _FINE = 96
+_OVERLAP = 1.1
 
 
 class Hose:
-    """A hose in a rendered world.
-
-    Attributes:
-        body_ids: PyBullet's numbers of the pieces.
-    """
+    """A hose in a scene; ``lay`` says where it is."""
 
     def __init__(
-        self, client: PhysicsClient, length_m: float, radius_m: float, rgba: Sequence[float], pieces: int = 18
+        self,
+        library: MeshLibrary,
+        length_m: float,
+        radius_m: float,
+        colour: tuple[float, ...],
+        pieces: int = 18,
+        identity: int = NOBODY,
     ) -> None:
-        """Make the pieces; ``lay`` puts them in place.
+        """Add a piece to a library.
 
         Args:
-            client: a world that is rendered.
+            library: of the scene.
             length_m: longest curve that the pieces must cover without gaps.
             radius_m: of the hose.
-            rgba: its colour.
+            colour: red, green, blue.
             pieces: number of capsules.
+            identity: of all pixels that show it.
         """
-        self._client = client
-        self._pieces = pieces
-        shape = pybullet.createVisualShape(
-            pybullet.GEOM_CAPSULE,
-            radius=radius_m,
-            length=1.1 * length_m / pieces,
-            rgbaColor=rgba,
-            physicsClientId=client.id,
-        )
-        self.body_ids = [pybullet.createMultiBody(0.0, -1, shape, physicsClientId=client.id) for _ in range(pieces)]
+        self._mesh = library.add(capsule(radius_m, _OVERLAP * length_m / pieces))
+        self._colour, self._pieces, self._identity = colour, pieces, identity
 
-    def lay(self, start: ArrayLike, start_pull: ArrayLike, end: ArrayLike, end_pull: ArrayLike) -> None:
-        """Lay the pieces along a cubic curve.
+    def lay(self, start: ArrayLike, start_pull: ArrayLike, end: ArrayLike, end_pull: ArrayLike) -> Instances:
+        """The pieces along a cubic curve.
 
         Args:
             start: (3,), metres.
@@ -54,29 +48,12 @@ class Hose:
             end_pull: (3,) from ``end`` to the curve's second control point.
         """
         first, last = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
-        corners = np.stack([first, first + np.asarray(start_pull), last + np.asarray(end_pull), last])
-        for body, centre, turn in zip(self.body_ids, *_pieces(corners, self._pieces), strict=True):
-            pybullet.resetBasePositionAndOrientation(body, centre, turn, physicsClientId=self._client.id)
-
-    def remove(self) -> None:
-        """Take the pieces out of the world."""
-        for body in self.body_ids:
-            pybullet.removeBody(body, physicsClientId=self._client.id)
-        self.body_ids = []
-
-
-def _pieces(corners: Array, count: int) -> tuple[list[list[float]], list[list[float]]]:
-    """Centres (count, 3) and quaternions (count, 4) of equal pieces of the Bezier curve of ``corners`` (4, 3)."""
-    t = np.linspace(0.0, 1.0, _FINE)[:, None]
-    weights = np.concatenate([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=1)
-    curve = weights @ corners
-    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
-    cuts = np.linspace(0.0, travelled[-1], count + 1)
-    joints = np.stack([np.interp(cuts, travelled, curve[:, axis]) for axis in range(3)], axis=-1)
-    along = np.diff(joints, axis=0)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    # The shortest turn from +z to the piece: half-way vector; a piece that points straight down turns about x.
-    turns = np.stack([-along[:, 1], along[:, 0], np.zeros(count), 1.0 + along[:, 2]], axis=-1)
-    size = np.linalg.norm(turns, axis=1, keepdims=True)
-    turns = np.where(size > 1e-6, turns / np.maximum(size, 1e-6), np.array([1.0, 0.0, 0.0, 0.0]))
-    return (0.5 * (joints[1:] + joints[:-1])).tolist(), turns.tolist()
+        corners = first, first + np.asarray(start_pull), last + np.asarray(end_pull), last
+        t = np.linspace(0.0, 1.0, _FINE)[:, None]
+        weights = (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3
+        curve = np.stack([weight * corner for weight, corner in zip(weights, corners, strict=True)]).sum(axis=0)
+        travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+        cuts = np.linspace(0.0, travelled[-1], self._pieces + 1)
+        joints = np.stack([np.interp(cuts, travelled, curve[:, axis]) for axis in range(3)], axis=-1)
+        middles, along = 0.5 * (joints[1:] + joints[:-1]), np.diff(joints, axis=0)
+        return instances(self._mesh, middles, upright_to(along), self._colour, self._identity)

@@ -12,18 +12,14 @@ from ..mechanisms.batching import as_points
 from ..motion import StoppedPath
 from .client import PhysicsClient
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
-from .hose import Hose
 from .machine import LoopMachine, urdf_file
 from .motion_result import Maxima, MotionResult
-from .picker_model import HOSE_INLET_M, HOSE_RADIUS_M, PICKER_ASSET, PickerParameters, hose_outlet_m, picker_robot
+from .picker_model import JOINTS, PICKER_ASSET, PickerParameters, picker_joints, picker_robot
 
 Array = NDArray[np.float64]
 
 MOTORS = ("cart", "arm1", "arm2")
-JOINTS = ("cart", "arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
 _DRIVEN = [JOINTS.index(name) for name in MOTORS]
-_HOSE_EVERY = 8
-"""Steps between two layings of a visible hose: thirty a second."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +77,6 @@ class PickerMachine(LoopMachine):
         shipped = PICKER_ASSET if self.parameters == PickerParameters() else None
         with urdf_file(shipped, lambda: picker_robot(self.parameters).to_xml()) as path:
             self._machine = ClosedLoopMachine(self.client, [Body("picker", path)], closures, motors, visuals=shown)
-        self._hose = Hose(self.client, 0.75, HOSE_RADIUS_M, (0.85, 0.85, 0.83, 1.0)) if shown else None
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, bar.forward([-0.5 * np.pi, -0.5 * np.pi]))
 
@@ -122,7 +117,7 @@ class PickerMachine(LoopMachine):
             UnreachablePoseError: a row is beyond the reach of a leg.
         """
         carts, tools = self._trajectory(cart, tool)
-        targets = self._joints(carts, tools)[:, _DRIVEN]
+        targets = picker_joints(self.parameters, carts, tools)[:, _DRIVEN]
         wanted = self._to_world(carts, tools)
         self._require_start(float(np.linalg.norm(wanted[0] - self.tool_world())))
         seen = Maxima(self._machine, 2, len(MOTORS))
@@ -131,12 +126,10 @@ class PickerMachine(LoopMachine):
         def watch(row: int) -> None:
             if measure:
                 self._look(seen, wanted[row])
-            if self._hose is not None and row % _HOSE_EVERY == 0:
-                self._lay_hose(float(carts[row]))
             if on_step is not None:
                 on_step(row)
 
-        self._machine.follow(targets, watch if measure or self._hose is not None else on_step)
+        self._machine.follow(targets, watch if measure else on_step)
         if not measure or last == 0:
             self._look(seen, wanted[last])
         tool_m = self.tool_world()
@@ -156,22 +149,12 @@ class PickerMachine(LoopMachine):
         """The tool centre in the world, (3,), metres."""
         return self._machine.point("platform")
 
-    def _remove(self) -> None:
-        super()._remove()
-        if self._hose is not None:
-            self._hose.remove()
-
     def _place(self, cart_x_m: float, tool: ArrayLike) -> Array:
-        joints = self._joints(np.array([cart_x_m], dtype=np.float64), as_points(tool, 2, "tool").reshape(1, 2))[0]
+        joints = picker_joints(
+            self.parameters, np.array([cart_x_m], dtype=np.float64), as_points(tool, 2, "tool").reshape(1, 2)
+        )[0]
         self._machine.reset(joints[self._order])
-        self._lay_hose(cart_x_m)
         return joints
-
-    def _lay_hose(self, cart_x_m: float) -> None:
-        if self._hose is not None:
-            outlet = self._machine.point("platform", hose_outlet_m(self.parameters.five_bar))
-            inlet = np.array(HOSE_INLET_M) + np.array([cart_x_m, 0.0, 0.0])
-            self._hose.lay(outlet, (0.0, 0.0, 0.22), inlet, (0.14, 0.0, 0.0))
 
     def _trajectory(self, cart: ArrayLike, tool: ArrayLike) -> tuple[Array, Array]:
         carts, tools = np.asarray(cart, dtype=np.float64), as_points(tool, 2, "tool")
@@ -179,18 +162,6 @@ class PickerMachine(LoopMachine):
             raise ValueError(f"cart has shape {carts.shape} and tool {tools.shape}: expected (n,) and (n, 2), n >= 1")
         self._require_rate()
         return carts, tools
-
-    def _joints(self, carts: Array, tools: Array) -> Array:
-        """All joint positions (n, 7) in the order of ``JOINTS``."""
-        if not np.all(np.isfinite(tools)) or not np.all(np.isfinite(carts)):
-            raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
-        bar = self.parameters.five_bar
-        chains = bar.chains(tools)
-        if not np.all(np.isfinite(chains.q)):
-            bar.inverse(tools, strict=True)
-        forearm = chains.q_passive - chains.q
-        columns = [carts, chains.q[:, 0], forearm[:, 0], chains.q[:, 1], forearm[:, 1], tools[:, 0], tools[:, 1]]
-        return np.stack(columns, axis=-1)
 
     def _to_world(self, carts: Array, tools: Array) -> Array:
         """World positions (n, 3) of tool centres (n, 2) at cart positions (n,)."""

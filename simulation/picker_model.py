@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..kernels.config import Config, nested, num
 from ..mechanisms import FiveBar
 from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
 
 PICKER_ASSET = "urdf/picker/picker.urdf"
+JOINTS = ("cart", "arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
 
 ALUMINIUM = Colour("aluminium", 0.74, 0.76, 0.79)
 DARK = Colour("dark", 0.13, 0.13, 0.15)
@@ -142,6 +144,26 @@ def picker_robot(parameters: PickerParameters) -> Robot:
     joints.append(Joint("slide_u", "prismatic", "frame", "slide", (0.0, plane_y, height), axis=(0.0, 1.0, 0.0)))
     joints.append(Joint("slide_v", "prismatic", "slide", "platform"))
     return Robot("safflower_picker", tuple(links), tuple(joints))
+
+
+def picker_joints(
+    parameters: PickerParameters, carts: NDArray[np.float64], tools: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Joint positions (n, 7) in the order of ``JOINTS`` for carts (n,) and tools (n, 2).
+
+    Raises:
+        ValueError: a value is not finite.
+        UnreachablePoseError: a tool position is beyond the reach of a leg.
+    """
+    if not np.all(np.isfinite(tools)) or not np.all(np.isfinite(carts)):
+        raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
+    bar = parameters.five_bar
+    chains = bar.chains(tools)
+    if not np.all(np.isfinite(chains.q)):
+        bar.inverse(tools, strict=True)
+    forearm = chains.q_passive - chains.q
+    columns = [carts, chains.q[:, 0], forearm[:, 0], chains.q[:, 1], forearm[:, 1], tools[:, 0], tools[:, 1]]
+    return np.stack(columns, axis=-1)
 
 
 def hose_outlet_m(bar: FiveBar) -> Vector:

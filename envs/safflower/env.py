@@ -24,10 +24,10 @@ def _machine(core: SafflowerCore) -> PyBulletPicker:
     return PyBulletPicker(core)
 
 
-def _view(core: SafflowerCore, window: bool) -> PickerView:
+def _view(core: SafflowerCore) -> PickerView:
     from .view import PickerView
 
-    return PickerView(core, window)
+    return PickerView(core)
 
 
 PICKER: Assembly[Any] = Assembly(

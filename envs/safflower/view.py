@@ -24,10 +24,10 @@ MATCH_RADIUS_M = 0.025
 class PickerView:
     """Scene of one world of the rules; follows the rules' state by itself."""
 
-    def __init__(self, core: SafflowerCore, window: bool = False):
+    def __init__(self, core: SafflowerCore):
         """Build the scene; its plants come with the first look or picture."""
         self._core = core
-        self._scene = PickerScene(picker_parameters(core.config), window=window)
+        self._scene = PickerScene(picker_parameters(core.config))
         self._centres = stop_centres(core.config.scenario)
         self._episode = -1
         self._shown = np.zeros(0, np.int64)

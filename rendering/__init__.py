@@ -1,0 +1,1 @@
+"""Pictures of our own scenes without a GPU: meshes, instances, a compiled z-buffer, frames for cameras and people."""

@@ -1,0 +1,109 @@
+"""A scene to look at: groups of instances of one library, drawn for cameras and for people."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..perception.frames import Camera, Frame
+from ..rendering.instances import Instances, joined
+from ..rendering.library import MeshLibrary
+from ..rendering.renderer import GroundLook, Look, Renderer
+
+Engine = Literal["own", "tiny"]
+
+
+class Stage:
+    """Instances in groups by name, each replaced as a whole, and what is seen of them.
+
+    Attributes:
+        library: the meshes.
+    """
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self.library = MeshLibrary()
+        self._renderer = Renderer(self.library)
+        self._groups: dict[str, Instances] = {}
+        self._all: Instances | None = None
+        self._open = True
+
+    def put(self, group: str, things: Instances) -> None:
+        """Have these in a group, and nothing else.
+
+        Raises:
+            RuntimeError: the scene was closed.
+        """
+        self._require_open()
+        self._groups[group] = things
+        self._all = None
+
+    def things(self, *groups: str) -> Instances:
+        """What stands in some groups, or in all.
+
+        Raises:
+            RuntimeError: the scene was closed.
+        """
+        self._require_open()
+        if groups:
+            return joined([self._groups[name] for name in groups if name in self._groups])
+        if self._all is None:
+            self._all = joined(list(self._groups.values()))
+        return self._all
+
+    def look(
+        self,
+        camera: Camera,
+        eye: ArrayLike,
+        target: ArrayLike,
+        up: ArrayLike,
+        *groups: str,
+        ground: GroundLook | None = None,
+        engine: Engine = "own",
+    ) -> Frame:
+        """What a camera sees of some groups, or of all; ``seen`` says whom its pixels show."""
+        return self.seen(camera, eye, target, up, *groups, ground=ground, engine=engine).frame
+
+    def seen(
+        self,
+        camera: Camera,
+        eye: ArrayLike,
+        target: ArrayLike,
+        up: ArrayLike,
+        *groups: str,
+        ground: GroundLook | None = None,
+        engine: Engine = "own",
+    ) -> Look:
+        """A frame with identities; see ``Renderer.look``.
+
+        Args:
+            camera: its size and opening.
+            eye: (3,), metres.
+            target: (3,), metres.
+            up: (3,), direction.
+            *groups: those to draw; all where none is named.
+            ground: painted ground, of the own engine alone.
+            engine: ``"tiny"`` asks PyBullet's software renderer, with which the own one is compared. It is slow, and
+                goes with the release after next.
+        """
+        things = self.things(*groups)
+        if engine == "tiny":
+            # PyBullet loads where it is asked for.
+            from .tiny import look
+
+            return look(self.library, things, camera, eye, target, up)
+        return self._renderer.look(things, camera, eye, target, up, ground)
+
+    def picture(self, camera: Camera, eye: ArrayLike, target: ArrayLike, about: ArrayLike) -> NDArray[np.uint8]:
+        """A picture (h, w, 3) for people, with sky and with the shadows of what is about a place (3,)."""
+        return self._renderer.picture(self.things(), camera, eye, target, about)
+
+    def close(self) -> None:
+        """Look no more; idempotent."""
+        self._open = False
+
+    def _require_open(self) -> None:
+        if not self._open:
+            raise RuntimeError("the scene is closed: make a new one")
