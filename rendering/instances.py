@@ -110,3 +110,14 @@ def upright_to(direction: ArrayLike) -> Array:
     turn[:, 2] = np.stack([-x, -y, z], axis=-1)
     turn[down] = np.diag([1.0, -1.0, -1.0])
     return turn
+
+
+def from_quaternion(quaternion: ArrayLike) -> Array:
+    """Rotations (n, 3, 3) of unit quaternions (n, 4), (x, y, z, w)."""
+    x, y, z, w = np.asarray(quaternion, np.float64).reshape(-1, 4).T
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)

@@ -14,7 +14,6 @@ from .instances import Instances
 from .library import MeshLibrary
 from .raster import Layers, Light, draw
 from .shading import Ground, resolve, resolve_ground, resolve_picture
-from .shapes import Array
 
 _TOWARDS = np.array([0.6, -0.5, 1.6])
 _TOWARDS /= np.sqrt((_TOWARDS * _TOWARDS).sum())

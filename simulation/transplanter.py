@@ -15,19 +15,16 @@ from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
 from .machine import LoopMachine, urdf_file
 from .motion_result import MotionResult
 from .transplanter_model import (
-    FINGER_STROKE_M,
-    LOOKS_ASSET,
+    JOINTS,
     PHYSICS_ASSET,
     TransplanterParameters,
+    transplanter_joints,
     transplanter_robot,
 )
 
 Array = NDArray[np.float64]
 
 MOTORS = ("arm1", "arm2")
-JOINTS = ("arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
-LOOKS = ("arm_bar1", "bracket1", "forearm_bar1", "arm_bar2", "bracket2", "forearm_bar2", "needles1", "needles2")
-"""Joints that only a machine with looks has."""
 _DRIVEN = [JOINTS.index(name) for name in MOTORS]
 
 _SOLVER_ITERATIONS = 12
@@ -64,32 +61,26 @@ class TransplanterMachine(LoopMachine):
         self,
         parameters: TransplanterParameters | None = None,
         client: PhysicsClient | None = None,
-        *,
-        looks: bool = False,
     ) -> None:
         """Build the machine with its tool in the middle of its window's lower edge.
 
         Args:
             parameters: defaults to ``TransplanterParameters()``.
             client: a world to build in; the machine makes its own, and closes it, where this is left out.
-            looks: build the machine that is only placed, with everything that can be seen, instead of the one that is
-                stepped.
         """
         super().__init__(parameters or TransplanterParameters(), client, solver_iterations=_SOLVER_ITERATIONS)
-        self._looks = looks
         p = self.parameters
         closures = [
             Closure(f"forearm{leg}", (0.0, p.arm.forearm_m, 0.0), "platform", (0.0, side * p.half_platform_m, 0.0))
             for leg, side in ((1, 1.0), (2, -1.0))
         ]
         motors = [Motor(name, p.torque_limit_n_m) for name in MOTORS]
-        shipped = (LOOKS_ASSET if looks else PHYSICS_ASSET) if p == TransplanterParameters() else None
-        with urdf_file(shipped, lambda: transplanter_robot(p, looks=looks).to_xml()) as path:
+        shipped = PHYSICS_ASSET if p == TransplanterParameters() else None
+        with urdf_file(shipped, lambda: transplanter_robot(p).to_xml()) as path:
             self._machine = ClosedLoopMachine(
-                self.client, [Body("transplanter", path)], [] if looks else closures, motors, visuals=looks
+                self.client, [Body("transplanter", path)], closures, motors, visuals=False
             )
-        names = JOINTS + (LOOKS if looks else ())
-        self._order = [names.index(name) for name in self._machine.joints]
+        self._order = [JOINTS.index(name) for name in self._machine.joints]
         self._payload_kg = 0.0
         joints = range(pybullet.getNumJoints(self.body_id, physicsClientId=self.client.id))
         infos = [pybullet.getJointInfo(self.body_id, joint, physicsClientId=self.client.id) for joint in joints]
@@ -97,27 +88,15 @@ class TransplanterMachine(LoopMachine):
         (left, bottom), (right, _) = p.arm.window_m
         self.reset([0.5 * (left + right), bottom])
 
-    def place(self, tool: ArrayLike, opening: float = 1.0) -> None:
-        """Put all joints where the kinematics says, at rest, without stepping: for rendering.
-
-        Args:
-            tool: (2,), metres.
-            opening: of the gripper's needles, 0 closed, 1 open.
+    def reset(self, tool: ArrayLike) -> None:
+        """Put all joints where the kinematics says, at rest, and have the motors hold them there.
 
         Raises:
-            UnreachablePoseError: the tool position is beyond the reach of a leg.
+            UnreachablePoseError: the tool position (2,) is beyond the reach of a leg.
         """
-        joints = self._joints(as_points(tool, 2, "tool").reshape(1, 2))[0]
-        if self._looks:
-            (arm1, forearm1, arm2, forearm2) = joints[:4]
-            chain = [arm1, -arm1, arm1 + forearm1, arm2, -arm2, arm2 + forearm2]
-            joints = np.concatenate([joints, chain, [FINGER_STROKE_M * opening] * 2])
+        joints = transplanter_joints(self.parameters, as_points(tool, 2, "tool").reshape(1, 2))[0]
         self._machine.reset(joints[self._order])
-
-    def reset(self, tool: ArrayLike) -> None:
-        """``place`` the machine and have its motors hold it there."""
-        self.place(tool)
-        self._machine.hold(self._joints(as_points(tool, 2, "tool").reshape(1, 2))[0, _DRIVEN])
+        self._machine.hold(joints[_DRIVEN])
 
     def carry(self, payload_kg: float) -> None:
         """Change what the gripper holds; it counts as a point on the platform.
@@ -153,12 +132,11 @@ class TransplanterMachine(LoopMachine):
             measure: look at every step instead of the last one; several times slower.
 
         Raises:
-            ValueError: shapes do not fit, the first row is elsewhere, the client runs at another rate, or this machine
-                is only for looks.
+            ValueError: shapes do not fit, the first row is elsewhere, or the client runs at another rate.
             UnreachablePoseError: a row is beyond the reach of a leg.
         """
         tools = self._trajectory(tool)
-        targets = self._joints(tools)[:, _DRIVEN]
+        targets = transplanter_joints(self.parameters, tools)[:, _DRIVEN]
         self._require_start(float(np.linalg.norm(tools[0] - self.tool())))
         tracking, closure = [0.0], [0.0]
         torques: list[Array] = []
@@ -199,25 +177,8 @@ class TransplanterMachine(LoopMachine):
         tools = as_points(tool, 2, "tool")
         if tools.ndim != 2 or len(tools) == 0:
             raise ValueError(f"tool has shape {tools.shape}: expected (n, 2), n >= 1")
-        if self._looks:
-            raise ValueError("this machine is only for looks: make one without looks=True to step it")
         self._require_rate()
         return tools
-
-    def _joints(self, tools: Array) -> Array:
-        """Joint positions (n, 6) in the order of ``JOINTS``."""
-        if not np.all(np.isfinite(tools)):
-            raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
-        arm = self.parameters.arm
-        angles = arm.inverse(tools)
-        if not np.all(np.isfinite(angles)):
-            arm.inverse(tools, strict=True)
-        motors = np.array([arm.motor_offset_m, -arm.motor_offset_m])
-        across = tools[:, :1] - motors - arm.arm_m * np.cos(angles)
-        forearm = np.arctan2(tools[:, 1:] - arm.arm_m * np.sin(angles), across)
-        # Any whole turn would do; the nearest keeps the angle continuous along a trajectory.
-        bend = np.mod(forearm - angles + np.pi, 2.0 * np.pi) - np.pi
-        return np.column_stack([angles[:, 0], bend[:, 0], angles[:, 1], bend[:, 1], tools])
 
 
 def full_gate(parameters: TransplanterParameters, gate: Gate) -> tuple[Array, Array, Array]:

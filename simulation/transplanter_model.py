@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..kernels.config import Config, nested, num
 from ..mechanisms import TranslationalFiveBar
@@ -12,7 +13,9 @@ from .picker_model import ALUMINIUM, DARK, FRAME, ORANGE, STEEL
 from .urdf import Box, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
 
 PHYSICS_ASSET = "urdf/transplanter/transplanter.urdf"
-LOOKS_ASSET = "urdf/transplanter/transplanter_looks.urdf"
+JOINTS = ("arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
+LOOKS = ("arm_bar1", "bracket1", "forearm_bar1", "arm_bar2", "bracket2", "forearm_bar2", "needles1", "needles2")
+"""Joints that only a machine with looks has."""
 
 _ALONG_X: Vector = (0.0, np.pi / 2, 0.0)
 _ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
@@ -111,11 +114,40 @@ def transplanter_robot(parameters: TransplanterParameters, *, looks: bool = Fals
 
 def transplanter_assets() -> dict[str, str]:
     """Text of every URDF that ships for the transplanter, by its path below ``assets/``."""
-    parameters = TransplanterParameters()
-    return {
-        PHYSICS_ASSET: transplanter_robot(parameters).to_xml(),
-        LOOKS_ASSET: transplanter_robot(parameters, looks=True).to_xml(),
-    }
+    return {PHYSICS_ASSET: transplanter_robot(TransplanterParameters()).to_xml()}
+
+
+def transplanter_joints(parameters: TransplanterParameters, tools: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Joint positions (n, 6) in the order of ``JOINTS`` for tools (n, 2).
+
+    Raises:
+        ValueError: a value is not finite.
+        UnreachablePoseError: a tool position is beyond the reach of a leg.
+    """
+    if not np.all(np.isfinite(tools)):
+        raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
+    arm = parameters.arm
+    angles = arm.inverse(tools)
+    if not np.all(np.isfinite(angles)):
+        arm.inverse(tools, strict=True)
+    motors = np.array([arm.motor_offset_m, -arm.motor_offset_m])
+    across = tools[:, :1] - motors - arm.arm_m * np.cos(angles)
+    forearm = np.arctan2(tools[:, 1:] - arm.arm_m * np.sin(angles), across)
+    # Any whole turn would do; the nearest keeps the angle continuous along a trajectory.
+    bend = np.mod(forearm - angles + np.pi, 2.0 * np.pi) - np.pi
+    return np.column_stack([angles[:, 0], bend[:, 0], angles[:, 1], bend[:, 1], tools])
+
+
+def looks_joints(joints: NDArray[np.float64], opening: float) -> dict[str, float]:
+    """Positions by name of all joints of a machine with looks, from those (6,) of ``JOINTS``.
+
+    Args:
+        joints: as ``transplanter_joints`` gives them.
+        opening: of the gripper's needles, 0 closed, 1 open.
+    """
+    arm1, forearm1, arm2, forearm2 = joints[:4]
+    chain = [arm1, -arm1, arm1 + forearm1, arm2, -arm2, arm2 + forearm2]
+    return dict(zip(JOINTS + LOOKS, [*joints, *chain, *[FINGER_STROKE_M * opening] * 2], strict=True))
 
 
 def _add_chain(

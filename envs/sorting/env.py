@@ -24,10 +24,10 @@ def _machine(core: SortingCore) -> PyBulletSorter:
     return PyBulletSorter(core)
 
 
-def _view(core: SortingCore, window: bool) -> SorterView:
+def _view(core: SortingCore) -> SorterView:
     from .view import SorterView
 
-    return SorterView(core, window)
+    return SorterView(core)
 
 
 SORTER: Assembly[Any] = Assembly(

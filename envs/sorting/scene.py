@@ -1,4 +1,4 @@
-"""The sorting cell in a render client: belt, bins, gantry, machine, produce, its camera and one for people."""
+"""The sorting cell: belt, bins, gantry, machine, produce, its camera and one for people."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...motion.orientation import LEVEL, axes, from_euler, product
 from ...perception.frames import Camera, Frame
-from ...simulation.camera import look
-from ...simulation.client import PhysicsClient, pybullet
-from ...simulation.meshes import Mesh, Pool, box, ellipsoid, merged, rotation_z, turned
+from ...rendering.instances import Instances, instances, joined
+from ...rendering.library import MeshLibrary
+from ...rendering.shapes import Mesh, box, ellipsoid, merged, rotation_z, turned
+from ...simulation.prrs_looks import PrrsLooks
 from ...simulation.prrs_model import GANTRY_LEVEL_M
-from ...simulation.sorter import SorterMachine
+from ...simulation.stage import Engine, Stage
 from ..core import Array
 from .config import GRADES, BeltConfig, SortingConfig
 
@@ -61,102 +62,66 @@ def item_colour(fruit: bool, ripeness: float, shade: float) -> tuple[float, floa
 
 
 class SorterScene:
-    """Draws the cell. Bodies of the cell are made once; items' shapes are kept and their bodies come and go."""
+    """Draws the cell.
 
-    def __init__(self, config: SortingConfig, *, window: bool = False):
-        """Make the client, the cell and the machine.
+    Attributes:
+        stage: what is drawn: the groups ``cell``, ``ribs``, ``machine``, ``pads`` and ``items``, these under their keys.
+    """
 
-        Raises:
-            RuntimeError: a window was asked for and there is no display.
-        """
+    def __init__(self, config: SortingConfig):
+        """Add the meshes of the cell, the machine and the produce."""
         self._config = config
         sorter = config.machine.sorter
-        self._client = PhysicsClient(sorter.physics_hz, gui=window)
         self._top = sorter.belt_height_m
-        self._build(config.belt, sorter.origin_height_m)
-        self._machine = SorterMachine(sorter, self._client)
+        self.stage = Stage()
+        library = self.stage.library
+        self.stage.put("cell", self._build(library, config.belt, sorter.origin_height_m))
+        self._machine = PrrsLooks(library, sorter)
+        self._ball = library.add(ellipsoid((1.0, 1.0, 1.0)))
         self._eye = Camera(320, 240, 2.0 * float(np.arctan2(0.125, CAMERA_HEIGHT_M)), 0.2, 1.5)
-        self._shapes: dict[tuple[float, float, float], int] = {}
-        self._bodies: dict[int, int] = {}
+        self.set_machine(sorter.mechanism.home_pose)
 
     def set_machine(self, pose: ArrayLike, gap_m: float = OPEN_M) -> None:
         """Put the platform at a pose (6,) of the mechanism, the pads ``gap_m`` from the gripper's middle."""
-        self._require_open()
-        self._machine.place(pose)
         sorter, centre = self._config.machine.sorter, np.asarray(pose, dtype=np.float64)
+        self.stage.put("machine", self._machine.place(centre))
         turn = from_euler(centre[3:])
-        self._pads.clear()
-        for half_turn in (LEVEL, np.array([0.0, 0.0, 0.0, 1.0])):
-            quaternion = product(turn, half_turn)
-            pad = axes(quaternion) @ np.array([0.0, gap_m, -sorter.tool_m])
-            self._pads.place(centre[:3] + pad + [0.0, 0.0, sorter.origin_height_m], quaternion[[1, 2, 3, 0]])
+        turns = axes(np.stack([product(turn, half_turn) for half_turn in (LEVEL, np.array([0.0, 0.0, 0.0, 1.0]))]))
+        pads = centre[:3] + turns @ np.array([0.0, gap_m, -sorter.tool_m]) + [0.0, 0.0, sorter.origin_height_m]
+        self.stage.put("pads", instances(self._pad, pads, turns, DARK))
 
     def set_belt(self, travel_m: float) -> None:
         """Show the belt after it has run ``travel_m``."""
-        self._require_open()
-        pool = self._ribs
-        pool.clear()
-        pool.place((travel_m % RIB_PITCH_M, 0.0, self._top))
+        self.stage.put("ribs", instances(self._ribs, (travel_m % RIB_PITCH_M, 0.0, self._top), None, RIB))
 
     def set_items(self, items: Sequence[ShownItem]) -> None:
         """Show these items and no others."""
-        self._require_open()
-        client = self._client.id
-        for key in set(self._bodies) - {item.key for item in items}:
-            pybullet.removeBody(self._bodies.pop(key), physicsClientId=client)
-        for item in items:
-            w, x, y, z = (float(part) for part in item.quaternion)
-            where, turn = [float(part) for part in item.position], [x, y, z, w]
-            body = self._bodies.get(item.key)
-            if body is not None:
-                pybullet.resetBasePositionAndOrientation(body, where, turn, physicsClientId=client)
-                continue
-            body = pybullet.createMultiBody(0.0, -1, self._shape(item.axes_m), where, turn, physicsClientId=client)
-            pybullet.changeVisualShape(body, -1, rgbaColor=list(item.colour), physicsClientId=client)
-            self._bodies[item.key] = body
+        if not items:
+            self.stage.put("items", joined([]))
+            return
+        key, position, quaternion, axes_m, colour = (np.array(column) for column in zip(*items, strict=True))
+        # One ball for all: an item is its turn after a stretch to its half axes.
+        turns = axes(quaternion) * (0.5 * axes_m)[:, None, :]
+        self.stage.put("items", instances(self._ball, position, turns, colour, key))
 
-    def look(self) -> Frame:
+    def look(self, engine: Engine = "own") -> Frame:
         """What the cell's camera sees, straight down on the belt upstream; the image's long side lies across it."""
-        self._require_open()
         eye = np.array([self._config.belt.camera_x_m, 0.0, self._top + CAMERA_HEIGHT_M])
-        return look(self._eye, self._client, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+        return self.stage.look(self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), (1.0, 0.0, 0.0), engine=engine)
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of the cell from beside the belt."""
-        self._require_open()
         camera = Camera(width, height, np.deg2rad(41.0), 0.1, 12.0)
         middle = np.array([-0.10, 0.0, self._top + 0.23])
-        return look(
-            camera,
-            self._client,
-            middle + np.array([0.72, -1.15, 0.72]),
-            middle,
-            np.array([0.0, 0.0, 1.0]),
-            shadows=True,
-        ).rgb
+        return self.stage.picture(camera, middle + np.array([0.72, -1.15, 0.72]), middle, (-0.1, 0.0, self._top))
 
     def close(self) -> None:
-        """Close the client; idempotent."""
-        self._client.close()
+        """Look no more; idempotent."""
+        self.stage.close()
 
-    def _require_open(self) -> None:
-        if self._client.closed:
-            raise RuntimeError("the scene is closed: make a new one")
-
-    def _shape(self, axes_m: tuple[float, float, float]) -> int:
-        """PyBullet's number of an ellipsoid's shape; shapes are never given back, so each is made once."""
-        if axes_m not in self._shapes:
-            mesh = ellipsoid(tuple(0.5 * axis for axis in axes_m))
-            self._shapes[axes_m] = pybullet.createVisualShape(
-                pybullet.GEOM_MESH,
-                vertices=mesh.vertices.tolist(),
-                indices=mesh.triangles.ravel().tolist(),
-                normals=mesh.normals.tolist(),
-                physicsClientId=self._client.id,
-            )
-        return self._shapes[axes_m]
-
-    def _build(self, belt: BeltConfig, origin_m: float) -> None:
+    def _build(self, library: MeshLibrary, belt: BeltConfig, origin_m: float) -> Instances:
+        """Belt, gantry, camera, floor and bins; adds the meshes of ribs and pads, which move."""
+        parts: list[Instances] = []
         top, half = self._top, 0.5 * belt.width_m
         length, middle = BELT_END_M - BELT_START_M, 0.5 * (BELT_START_M + BELT_END_M)
         belts = [_at(box((length, belt.width_m, 0.04)), (middle, 0.0, top - 0.021))]
@@ -184,18 +149,19 @@ class SorterScene:
         for meshes, colour in (
             (belts, BELT), (frame, FRAME), (posts, POST), (feet + lens, DARK), (ground, FLOOR)
         ):  # fmt: skip
-            Pool(self._client, merged(*meshes), colour, 1).place((0.0, 0.0, 0.0))
-        self._ribs = Pool(self._client, merged(*ribs), RIB, 1)
+            parts.append(instances(library.add(merged(*meshes)), (0.0, 0.0, 0.0), None, colour))
+        self._ribs = library.add(merged(*ribs))
         # A pad on a pin that slides through its finger; the fingers themselves belong to the platform.
         pad = merged(_at(box((0.026, 0.005, 0.024)), (0.0, 0.0025, 0.0)), _at(box((0.006, 0.030, 0.006)), (0, 0.02, 0)))
-        self._pads = Pool(self._client, pad, DARK, 2)
+        self._pad = library.add(pad)
         self.bin_floor_m = top - _BIN_FLOOR_M
+        tub = library.add(_bin(0.148, 0.150, _BIN_HEIGHT_M))
+        leg = library.add(box((0.03, 0.03, self.bin_floor_m)))
         for grade, (x, y) in zip(GRADES, belt.bins_m, strict=True):
             outside = np.copysign(half + 0.024 + 0.075, y)
-            Pool(self._client, _bin(0.148, 0.150, _BIN_HEIGHT_M), BIN[grade], 1).place((x, outside, self.bin_floor_m))
-            Pool(self._client, box((0.03, 0.03, self.bin_floor_m)), FRAME, 1).place(
-                (x, outside, 0.5 * self.bin_floor_m - 0.005)
-            )
+            parts.append(instances(tub, (x, outside, self.bin_floor_m), None, BIN[grade]))
+            parts.append(instances(leg, (x, outside, 0.5 * self.bin_floor_m - 0.005), None, FRAME))
+        return joined(parts)
 
     def bin_place(self, grade: int, number: int) -> Array:
         """World position (3,) of the ``number``-th item that was put into a grade's bin."""

@@ -46,10 +46,10 @@ def sensor_noise(frame: Frame, seed: int, number: int) -> Frame:
 class SorterView:
     """Scene of one world of the rules; follows the rules' state by itself."""
 
-    def __init__(self, core: SortingCore, window: bool = False):
+    def __init__(self, core: SortingCore):
         """Build the scene."""
         self._core, self._config = core, core.config
-        self._scene = SorterScene(core.config, window=window)
+        self._scene = SorterScene(core.config)
         self._settings = ProduceSettings(ware_from_m=core.config.produce.ware_from_m)
         self._episode, self._frames = -1, 0
         self._free = np.zeros(0, bool)

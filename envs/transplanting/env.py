@@ -25,10 +25,10 @@ def _machine(core: TransplantingCore) -> PyBulletTransplanter:
     return PyBulletTransplanter(core)
 
 
-def _view(core: TransplantingCore, window: bool) -> TransplantView:
+def _view(core: TransplantingCore) -> TransplantView:
     from .view import TransplantView
 
-    return TransplantView(core, window)
+    return TransplantView(core)
 
 
 def _with_source(config: TransplantingConfig, cells: int) -> TransplantingConfig:

@@ -1,4 +1,4 @@
-"""The transplanter's world in a render client: trays on conveyors, seedlings from pools, the machine, the cameras."""
+"""The transplanter's world: trays on conveyors, seedlings, the machine, the cameras."""
 
 from __future__ import annotations
 
@@ -8,12 +8,20 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...mechanisms.batching import as_points
 from ...perception.frames import Camera, Frame
-from ...simulation.camera import look
-from ...simulation.client import PhysicsClient
-from ...simulation.meshes import Mesh, Pool, box, flat_shaded, merged, surface_of_revolution, tube, turned, whorl
-from ...simulation.transplanter import TransplanterMachine
-from ...simulation.transplanter_model import TransplanterParameters
+from ...rendering.instances import Instances, from_quaternion, instances, joined
+from ...rendering.library import MeshLibrary
+from ...rendering.plants import whorl
+from ...rendering.shapes import Mesh, box, flat_shaded, merged, surface_of_revolution, tube, turned
+from ...simulation.looks import MachineLooks
+from ...simulation.stage import Engine, Stage
+from ...simulation.transplanter_model import (
+    TransplanterParameters,
+    looks_joints,
+    transplanter_joints,
+    transplanter_robot,
+)
 from ..core import Array
 from .config import DAMAGED, EMPTY, POOR, TransplantingConfig, Tray
 
@@ -77,36 +85,34 @@ class TrayLine:
 
 
 class TrayScene:
-    """Draws two conveyors with trays and the transplanter over them. Bodies are made once and only moved."""
+    """Draws two conveyors with trays and the transplanter over them.
 
-    def __init__(self, config: TransplantingConfig, *, window: bool = False):
-        """Make the client, the pools and the machine.
+    Attributes:
+        stage: what is drawn: the groups ``room``, ``machine``, ``trays`` and ``held``; a row camera sees ``row``
+            instead of the trays. Plants and plugs are told apart by their cell's number in its line.
+    """
 
-        Args:
-            config: the task's; its trays and the arm are drawn.
-            window: show a window instead of drawing off screen.
-
-        Raises:
-            RuntimeError: a window was asked for and there is no display.
-        """
+    def __init__(self, config: TransplantingConfig):
+        """Add the meshes of the task's trays, plants and arm."""
         machine, scenario = config.machine, config.scenario
         self.parameters = TransplanterParameters(arm=machine.arm)
-        self._client = PhysicsClient(self.parameters.physics_hz, gui=window)
-        self._machine = TransplanterMachine(self.parameters, self._client, looks=True)
+        self.stage = Stage()
+        library = self.stage.library
+        self._machine = MachineLooks(library, [transplanter_robot(self.parameters, looks=True)])
         self._centre_m = {"source": -machine.tray_centre_m, "target": machine.tray_centre_m}
         trays = {"source": scenario.source, "target": scenario.target}
         self._nursery_pitch_m = scenario.source.pitch_m
         self._plants = {
-            size: _Stock(self._client, _seedling(_SPREAD_SHARE * size * self._nursery_pitch_m), GREENS[0])
+            size: library.add(_seedling(_SPREAD_SHARE * size * self._nursery_pitch_m))
             for size in {*HEALTHY_SIZES, *POOR_SIZES}
         }
-        self._plugs = _Stock(self._client, _plug_mesh(self._nursery_pitch_m), SOIL)
+        self._plug = library.add(_plug_mesh(self._nursery_pitch_m))
         self._trays = {
-            name: [_Stock(self._client, mesh, colour) for mesh, colour in _tray_meshes(kind)]
-            for name, kind in trays.items()
+            name: [(library.add(mesh), colour) for mesh, colour in _tray_meshes(kind)] for name, kind in trays.items()
         }
-        _furnish(self._client, machine.tray_centre_m, scenario.source.width_m)
+        self.stage.put("room", _furniture(library, machine.tray_centre_m, scenario.source.width_m))
         self._lines: dict[Side, TrayLine] = {}
+        self._grown: dict[Side, tuple[bytes, Instances]] = {}
         self._travel_m = {"source": 0.0, "target": 0.0}
         self._held: tuple[int, float] | None = None
         self._tip_m = np.zeros(3)
@@ -114,6 +120,8 @@ class TrayScene:
         # The row's 280 mm fill the picture's width, some five of its pitches the height.
         focal_span = 2.0 * np.arctan(0.5 * 0.110 / CAMERA_ABOVE_M)
         self._eye = Camera(432, 160, float(focal_span), 0.30, 2.0)
+        (left, low), (right, _) = self.parameters.arm.window_m
+        self.set_tool([0.5 * (left + right), low])
 
     def set_lines(self, source: TrayLine, target: TrayLine, source_m: float, target_m: float) -> None:
         """Show trays (they are kept, not copied) with the conveyors ``..._m`` on from their first rows."""
@@ -128,10 +136,14 @@ class TrayScene:
             tool: (2,), metres.
             opening: of the gripper's needles.
             held: what the gripper carries: a cell's content and look.
+
+        Raises:
+            UnreachablePoseError: the tool position is beyond the reach of a leg.
         """
-        self._require_open()
-        self._machine.place(tool, opening)
-        x, y = np.asarray(tool, dtype=np.float64)
+        tools = as_points(tool, 2, "tool").reshape(1, 2)
+        joints = looks_joints(transplanter_joints(self.parameters, tools)[0], opening)
+        self.stage.put("machine", self._machine.place([joints[name] for name in self._machine.joints])[0])
+        x, y = tools[0]
         p = self.parameters
         self._tip_m = np.array([0.0, x, p.motor_height_m + y - p.gripper_drop_m])
         if self._held is not None or held is not None:
@@ -144,126 +156,100 @@ class TrayScene:
         across = self._centre_m[side] + (np.arange(kind.columns) - 0.5 * (kind.columns - 1)) * kind.pitch_m
         return np.column_stack([np.full(kind.columns, -CAMERA_AHEAD_M), across, np.full(kind.columns, TRAY_TOP_M)])
 
-    def look(self, side: Side, row: int) -> Frame:
+    def look(self, side: Side, row: int, engine: Engine = "own") -> Frame:
         """What the side's camera saw when ``row`` passed under it."""
-        self._require_open()
-        self._clear()
         offsets = self._lines[side].offsets_m()
-        self._lay(side, offsets[row] - CAMERA_AHEAD_M, -CAMERA_AHEAD_M - _IN_VIEW_M, -CAMERA_AHEAD_M + _IN_VIEW_M)
-        self._stale = True
+        stretch = -CAMERA_AHEAD_M - _IN_VIEW_M, -CAMERA_AHEAD_M + _IN_VIEW_M
+        self.stage.put("row", self._laid(side, offsets[row] - CAMERA_AHEAD_M, *stretch))
         eye = np.array([-CAMERA_AHEAD_M, self._centre_m[side], TRAY_TOP_M + CAMERA_ABOVE_M])
-        return look(self._eye, self._client, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+        view = self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+        frame = self.stage.look(*view, "room", "machine", "row", engine=engine)
+        self.stage.put("row", joined([]))
+        return frame
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of machine and trays, from behind the outgoing rows."""
-        self._require_open()
         if self._stale:
-            self._clear()
-            for side in self._lines:
-                self._lay(side, self._travel_m[side], -_INFEED_M - _HOOD_VIEW_M, _OUTFEED_M)
+            sides = [
+                self._laid(side, self._travel_m[side], -_INFEED_M - _HOOD_VIEW_M, _OUTFEED_M) for side in self._lines
+            ]
+            self.stage.put("trays", joined(sides))
+            held = []
             if self._held is not None:
+                content, look = self._held
                 top = self._tip_m + np.array([0.0, 0.0, 0.020])
-                self._plant(top, *self._held)
+                held.append(self._planted(top[None], np.array([content]), np.array([look]), np.array([-1])))
+            self.stage.put("held", joined(held))
             self._stale = False
         camera = Camera(width, height, np.deg2rad(40.0), 0.1, 12.0)
-        # Shadows would cost three times as much as all the rest.
-        eye, middle = np.array([1.45, 0.80, 1.95]), np.array([-0.02, 0.0, 1.18])
-        return look(camera, self._client, eye, middle, np.array([0.0, 0.0, 1.0])).rgb
+        middle = np.array([-0.02, 0.0, 1.18])
+        return self.stage.picture(camera, np.array([1.45, 0.80, 1.95]), middle, np.array([0.1, 0.0, TRAY_TOP_M]))
 
     def close(self) -> None:
-        """Close the client; idempotent."""
-        self._client.close()
+        """Look no more; idempotent."""
+        self.stage.close()
 
-    def _require_open(self) -> None:
-        if self._client.closed:
-            raise RuntimeError("the scene is closed: make a new one")
-
-    def _clear(self) -> None:
-        self._plugs.clear()
-        for pool in [*self._plants.values(), *(pool for pools in self._trays.values() for pool in pools)]:
-            pool.clear()
-
-    def _lay(self, side: Side, travel_m: float, low_m: float, high_m: float) -> None:
-        """Place what lies on a conveyor between two places along it."""
+    def _laid(self, side: Side, travel_m: float, low_m: float, high_m: float) -> Instances:
+        """What lies on a conveyor between two places along it."""
         line = self._lines[side]
         kind, middle = line.tray, self._centre_m[side]
-        along = travel_m - line.offsets_m()
-        across = middle + (np.arange(kind.columns) - 0.5 * (kind.columns - 1)) * kind.pitch_m
-        for first in range(0, len(along), kind.rows):
-            x = float(along[first]) - 0.5 * (kind.rows - 1) * kind.pitch_m
-            if low_m - 0.5 * kind.length_m < x < high_m + 0.5 * kind.length_m:
-                for pool in self._trays[side]:
-                    pool.place((x, middle, TRAY_TOP_M))
-        for row in np.flatnonzero((along > low_m) & (along < high_m)):
-            for column in range(kind.columns):
-                content = int(line.cells[row, column])
-                if content == EMPTY and line.hollow[row, column]:
-                    continue
-                place = np.array([along[row], across[column], TRAY_TOP_M - 0.002])
-                self._plant(place, content, float(line.looks[row, column]))
+        offsets = line.offsets_m()
+        first = travel_m - offsets[:: kind.rows] - 0.5 * (kind.rows - 1) * kind.pitch_m
+        half = 0.5 * kind.length_m
+        trays = first[(first > low_m - half) & (first < high_m + half)]
+        place = np.column_stack([trays, np.full(len(trays), middle), np.full(len(trays), TRAY_TOP_M)])
+        parts = [instances(mesh, place, None, colour) for mesh, colour in self._trays[side]]
+        grown = self._rows(side)
+        row = grown.identity // kind.columns
+        along = (travel_m - offsets)[row]
+        shown = grown.where((along > low_m) & (along < high_m))
+        ahead = np.array([travel_m, 0.0, 0.0])
+        return joined([*parts, instances(shown.mesh, shown.shift + ahead, shown.turn)._replace(
+            colour=shown.colour, identity=shown.identity
+        )])  # fmt: skip
 
-    def _plant(self, top_m: Array, content: int, look: float) -> None:
-        """Place a plug and what grows on it."""
-        self._plugs.place(top_m)
-        if content == EMPTY:
-            return
-        size, shade, turn, lean, way, tone, ahead, across = _parts_of(look)
-        sizes = POOR_SIZES if content == POOR else HEALTHY_SIZES
-        colours = YELLOWS if content == POOR and tone < _YELLOW_SHARE else GREENS
-        colour = colours[int(shade * len(colours))]
-        tilt = 0.25 * lean
-        foot_m = top_m + 2.0 * _OFF_CENTRE * self._nursery_pitch_m * np.array([ahead - 0.5, across - 0.5, 0.0])
-        if content == DAMAGED:
-            colour, tilt = WITHERED, 1.25
-        self._plants[sizes[int(size * len(sizes))]].place(foot_m, _leaning(2.0 * np.pi * turn, tilt, way), colour)
+    def _rows(self, side: Side) -> Instances:
+        """All plugs and plants of a line, with its first row presented; worked out anew when a cell has changed."""
+        line = self._lines[side]
+        key = line.cells.tobytes() + line.hollow.tobytes() + line.looks.tobytes()
+        if side not in self._grown or self._grown[side][0] != key:
+            kind = line.tray
+            across = self._centre_m[side] + (np.arange(kind.columns) - 0.5 * (kind.columns - 1)) * kind.pitch_m
+            row, column = np.nonzero(~((line.cells == EMPTY) & line.hollow))
+            top = np.column_stack([-line.offsets_m()[row], across[column], np.full(len(row), TRAY_TOP_M - 0.002)])
+            number = row * kind.columns + column
+            self._grown[side] = key, self._planted(top, line.cells[row, column], line.looks[row, column], number)
+        return self._grown[side][1]
 
-
-class _Stock:
-    """Copies of one mesh that grow in number with what is shown: parked bodies cost as much to draw as shown ones."""
-
-    _CHUNK = 12
-
-    def __init__(self, client: PhysicsClient, mesh: Mesh, colour: tuple[float, ...]):
-        self._client, self._mesh, self._colour = client, mesh, colour
-        self._pools: list[Pool] = []
-        self._filling = 0
-
-    def clear(self) -> None:
-        """Park all copies."""
-        for pool in self._pools:
-            pool.clear()
-        self._filling = 0
-
-    def place(
-        self,
-        position: Array | tuple[float, float, float],
-        orientation: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0),
-        colour: tuple[float, ...] | None = None,
-    ) -> None:
-        """Show one more copy."""
-        while self._filling < len(self._pools):
-            if self._pools[self._filling].place(position, orientation, colour) is not None:
-                return
-            self._filling += 1
-        self._pools.append(Pool(self._client, self._mesh, self._colour, self._CHUNK))
-        self._pools[-1].place(position, orientation, colour)
-
-
-def _parts_of(look: float) -> tuple[float, ...]:
-    """Eight numbers in [0, 1) from one: the decimals that follow the first four, stretched by different factors."""
-    return tuple(np.mod(look * 1e4 * _STRETCHES, 1.0).tolist())
+    def _planted(self, top_m: Array, content: NDArray[np.int64], look: Array, number: NDArray[np.int64]) -> Instances:
+        """Plugs with their upper faces at (n, 3), and what grows on them."""
+        plugs = instances(self._plug, top_m, None, SOIL, number)
+        grows = content != EMPTY
+        content, top_m, number = content[grows], top_m[grows], number[grows]
+        size, shade, turn, lean, way, tone, ahead, across = np.mod(look[grows, None] * 1e4 * _STRETCHES, 1.0).T
+        damaged, poor = content == DAMAGED, content == POOR
+        sizes = [[self._plants[size] for size in kind] for kind in (HEALTHY_SIZES, POOR_SIZES)]
+        mesh = np.where(poor, *(np.array(m)[(size * len(m)).astype(int)] for m in (sizes[1], sizes[0])))
+        greens, yellows = (np.array(c)[(shade * len(c)).astype(int)] for c in (GREENS, YELLOWS))
+        colour = np.where((poor & (tone < _YELLOW_SHARE))[:, None], yellows, greens)
+        colour = np.where(damaged[:, None], np.array(WITHERED), colour)
+        tilt = np.where(damaged, 1.25, 0.25 * lean)
+        aside = np.stack([ahead - 0.5, across - 0.5, 0.0 * ahead], axis=-1)
+        foot = top_m + 2.0 * _OFF_CENTRE * self._nursery_pitch_m * aside
+        return joined([plugs, instances(mesh, foot, _leaning(2.0 * np.pi * turn, tilt, way), colour, number)])
 
 
 _STRETCHES = np.array([1.0, 1.618034, 2.236068, 3.141593, 4.669201, 7.389056, 11.09017, 13.59141])
+"""Eight numbers in [0, 1) come from one: the decimals that follow its first four, stretched by different factors."""
 
 
-def _leaning(turn_rad: float, tilt_rad: float, way: float) -> tuple[float, float, float, float]:
-    """Quaternion of a turn about z, then a tilt about a level axis."""
+def _leaning(turn_rad: Array, tilt_rad: Array, way: Array) -> Array:
+    """Rotations (n, 3, 3) of a turn about z, then a tilt about a level axis."""
     axis = 2.0 * np.pi * way
     s, c = np.sin(0.5 * tilt_rad), np.cos(0.5 * tilt_rad)
     x, y, w = s * np.cos(axis), s * np.sin(axis), c
     sz, cz = np.sin(0.5 * turn_rad), np.cos(0.5 * turn_rad)
-    return (x * cz + y * sz, y * cz - x * sz, w * sz, w * cz)
+    return from_quaternion(np.stack([x * cz + y * sz, y * cz - x * sz, w * sz, w * cz], axis=-1))
 
 
 def _seedling(spread_m: float) -> Mesh:
@@ -321,13 +307,14 @@ def _tray_meshes(kind: Tray) -> list[tuple[Mesh, tuple[float, ...]]]:
     return [(merged(*walls), TRAY), (body, HOLLOW)]
 
 
-def _furnish(client: PhysicsClient, centre_m: float, width_m: float) -> None:
-    """Conveyors, the chute between them, and the floor; one static body each."""
+def _furniture(library: MeshLibrary, centre_m: float, width_m: float) -> Instances:
+    """Conveyors, the chute between them, and the floor."""
     belt = TRAY_TOP_M - _TRAY_HEIGHT_M
+    parts: list[Instances] = []
     length, along = _OUTFEED_M + _INFEED_M + 0.6, 0.5 * (_OUTFEED_M - _INFEED_M - 0.6)
 
     def put(size: tuple[float, float, float], place: tuple[float, float, float], colour: tuple[float, ...]) -> None:
-        Pool(client, box(size), colour, 1).place(place)
+        parts.append(instances(library.add(box(size)), place, None, colour))
 
     put((6.0, 6.0, 0.02), (0.0, 0.0, -0.01), FLOOR)
     for side in (-1.0, 1.0):
@@ -349,3 +336,4 @@ def _furnish(client: PhysicsClient, centre_m: float, width_m: float) -> None:
             put((0.60, 0.006, 0.15), (hood, side * centre_m + edge * (0.5 * width_m + 0.010), belt + 0.07), STEEL_GREY)
     put((0.10, 0.026, 0.004), (0.0, 0.0, belt - 0.06), CHUTE)
     put((0.10, 0.10, 0.30), (0.0, 0.0, belt - 0.30), CHUTE)
+    return joined(parts)

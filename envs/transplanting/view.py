@@ -23,10 +23,10 @@ _NEEDLES_S = 0.06
 class TransplantView:
     """Scene of one world of the rules; follows the rules' state by itself."""
 
-    def __init__(self, core: TransplantingCore, window: bool = False):
+    def __init__(self, core: TransplantingCore):
         """Build the scene; its trays come with the first look or picture."""
         self._core = core
-        self._scene = TrayScene(core.config, window=window)
+        self._scene = TrayScene(core.config)
         self._trajectories = Trajectories(core.config, core.places)
         self._episode = -1
         self._clock: _Clock | None = None
