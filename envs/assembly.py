@@ -33,7 +33,7 @@ class Assembly(Generic[ConfigT]):
         perfect: the perception model without errors; None where a task has no camera at all.
         measured: the perception model fitted to rendered pictures; None where there is none.
         machine: makes the executor that drives one world's machine in PyBullet; None where there is none.
-        view: makes the rendered world of a single environment; its last argument asks for a window.
+        view: makes the rendered world of a single environment.
         settings: keyword arguments of ``gym.make`` that are short for a part of the configuration, by name: a dotted
             name of the configuration, or a function of the configuration and the value.
         fixed: what an environment's configuration always has, by dotted name.
@@ -45,7 +45,7 @@ class Assembly(Generic[ConfigT]):
     perfect: Callable[[ConfigT], Any] | None = None
     measured: Callable[[ConfigT], Any] | None = None
     machine: Callable[[Any], Executor[Any, Any]] | None = None
-    view: Callable[[Any, bool], View[Any]] | None = None
+    view: Callable[[Any], View[Any]] | None = None
     settings: Mapping[str, str | Callable[[ConfigT, Any], ConfigT]] = field(default_factory=dict)
     fixed: Mapping[str, Any] = field(default_factory=dict)
 

@@ -70,6 +70,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self.observation_space = self.core.observation_space
         self.action_space = self.core.action_space
         self._make_view, self._view = parts.view, None
+        self._window: Any = None
         self._sensing = perception == "camera"
         self._on_frame: Callable[[NDArray[np.uint8]], None] | None = None
         self._frames_per_second = float(self.metadata["render_fps"])
@@ -136,6 +137,8 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self.executor.reset_rows(_ONE_ROW)
         if self._sensing:
             self.view.sense()
+        if self.render_mode == "human":
+            self._put_in_window(self.view.frame())
         self._last = None
         observation = self._observe()
         zeros = [0.0] * len(self.core.reward_names), [0.0] * len(self.core.phase_names)
@@ -193,6 +196,8 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self.executor.close()
         if self._view is not None:
             self._view.close()
+        if self._window is not None:
+            self._window.close()
 
     def _show(self, plan: PlanT, result: StepResult) -> None:
         """Play the decision: to the recorder at its rate, in a window as fast as it really went."""
@@ -201,7 +206,15 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             if self._on_frame is not None:
                 self._on_frame(frame)
             if self.render_mode == "human":
+                self._put_in_window(frame)
                 time.sleep(max(0.0, began + i / self._frames_per_second - time.perf_counter()))
+
+    def _put_in_window(self, frame: NDArray[np.uint8]) -> None:
+        if self._window is None:
+            from ..simulation.window import Window
+
+            self._window = Window(f"{type(self).__name__} {self.scenario}")
+        self._window.show(frame)
 
     def _observe(self) -> dict[str, np.ndarray]:
         observation = {name: values[0] for name, values in self.core.observe().items()}

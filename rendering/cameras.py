@@ -54,7 +54,8 @@ def pose_of(view: View) -> CameraPose:
     # OpenGL's matrix is turned back as a whole, so that poses are what they always were, to the last bit.
     world_from_gl = np.eye(4)
     world_from_gl[:3, :3], world_from_gl[:3, 3] = _GL @ view.turn, _GL @ view.shift
-    return CameraPose(intrinsics, np.linalg.inv(world_from_gl) @ np.diag([1.0, -1.0, -1.0, 1.0]))
+    world_from_camera = np.linalg.inv(world_from_gl) @ np.diag([1.0, -1.0, -1.0, 1.0])
+    return CameraPose(intrinsics, np.asarray(world_from_camera, np.float64))
 
 
 def sun_view(towards: Array, middle: Array, half_m: float, pixels: int, far_m: float = 10.0) -> View:

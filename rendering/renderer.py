@@ -12,8 +12,9 @@ from ..perception.frames import Camera, Frame
 from .cameras import fall_of_rays, pose_of, sun_view, view_of
 from .instances import Instances
 from .library import MeshLibrary
-from .raster import Layers, Light, draw
+from .raster import Layers, Light, View, draw
 from .shading import Ground, resolve, resolve_ground, resolve_picture
+from .shapes import Array
 
 _TOWARDS = np.array([0.6, -0.5, 1.6])
 _TOWARDS /= np.sqrt((_TOWARDS * _TOWARDS).sum())
@@ -73,6 +74,7 @@ class Renderer:
         self._layers: dict[tuple[str, int, int], tuple[NDArray[np.float32], NDArray[np.int32]]] = {}
         self._owner, self._light = np.zeros(0, np.int32), np.zeros((0, 4))
         self._point, self._shine = np.zeros((0, 6)), np.zeros(0)
+        self._shaded: tuple[Instances, Array, View, NDArray[np.float32]] | None = None
 
     def look(
         self,
@@ -135,14 +137,26 @@ class Renderer:
         return rgb, depth, identity
 
     def picture(
-        self, things: Instances, camera: Camera, eye: ArrayLike, target: ArrayLike, shaded_about: ArrayLike
+        self,
+        things: Instances,
+        casters: Instances,
+        camera: Camera,
+        eye: ArrayLike,
+        target: ArrayLike,
+        shaded_about: ArrayLike,
     ) -> NDArray[np.uint8]:
-        """A picture (h, w, 3) for people, z up: sky, four samples a pixel, shadows of what is about a place (3,)."""
-        sun = sun_view(SUN.towards, np.asarray(shaded_about, np.float64), _MAP_HALF_M, _MAP_PIXELS)
+        """A picture (h, w, 3) for people, z up: sky, four samples a pixel, shadows.
+
+        Args:
+            things: what stands in the scene.
+            casters: what of it throws shadows; the shadows of the last call's arrays are kept.
+            camera: its size and opening.
+            eye: (3,), metres.
+            target: (3,), what is in the middle of the picture.
+            shaded_about: (3,), the middle of what throws shadows.
+        """
         meshes = self.library.meshes
-        casters = things.where(meshes.radius[things.mesh] < _CASTER_M)
-        shadows = self._cleared(things, _MAP_PIXELS, _MAP_PIXELS, "sun")
-        draw(meshes, casters, 0, len(casters.mesh), sun, SUN, shadows, False)
+        sun, sunlit = self._shadows(casters, np.asarray(shaded_about, np.float64))
         view = view_of(camera, eye, target, (0.0, 0.0, 1.0))
         # Twice the size each way; the four samples lie about the one that a camera's frame would take.
         view = view._replace(
@@ -152,8 +166,18 @@ class Renderer:
         draw(meshes, things, 0, len(things.mesh), view, SUN, layers, True)
         rgb = np.empty((camera.height, camera.width, 3), np.uint8)
         sky = np.linspace(*_SKY, camera.height)
-        resolve_picture(things, layers, SUN, view, sun, shadows.inverse, _DARK, sky, rgb)
+        resolve_picture(things, layers, SUN, view, sun, sunlit, _DARK, sky, rgb)
         return rgb
+
+    def _shadows(self, casters: Instances, middle: Array) -> tuple[View, NDArray[np.float32]]:
+        """The sun's view about a place (3,), and how far before its far end it meets something."""
+        if self._shaded is None or self._shaded[0] is not casters or np.any(self._shaded[1] != middle):
+            sun = sun_view(SUN.towards, middle, _MAP_HALF_M, _MAP_PIXELS)
+            small = casters.where(self.library.meshes.radius[casters.mesh] < _CASTER_M)
+            layers = self._cleared(small, _MAP_PIXELS, _MAP_PIXELS, "sun")
+            draw(self.library.meshes, small, 0, len(small.mesh), sun, SUN, layers, False)
+            self._shaded = casters, middle.copy(), sun, layers.inverse
+        return self._shaded[2], self._shaded[3]
 
     def _cleared(self, things: Instances, width: int, height: int, use: str = "eye") -> Layers:
         """Empty layers of a size, with room for everything."""

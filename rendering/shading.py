@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import compiled
+from ..envs.compiled import compiled
 from .instances import Instances
 from .raster import Layers, Light, View
 from .shapes import Array
@@ -50,7 +50,7 @@ def resolve(
     depth: NDArray[np.float32],
     identity: NDArray[np.int32],
 ) -> None:
-    """Colours (h, w, 3), depths (h, w) and identities (h, w) of a drawn picture; ``empty`` (3,) is what nothing shows."""
+    """Colours (h, w, 3), depths (h, w), identities (h, w) of a drawn picture; ``empty`` (3,) is what nothing shows."""
     inverse, slots, owner, shading = layers.inverse, layers.slot, layers.owner, layers.light
     height, width = inverse.shape
     one = np.float32(1.0)

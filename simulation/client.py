@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-import ctypes.util
 import os
 import sys
 import weakref
@@ -52,14 +50,12 @@ class PhysicsClient:
     Attributes:
         id: PyBullet's number of the client; pass it as ``physicsClientId`` to every PyBullet call.
         physics_hz: steps a simulated second.
-        gui: whether it has a window.
     """
 
     def __init__(
         self,
         physics_hz: float = 240.0,
         *,
-        gui: bool = False,
         solver_iterations: int = 25,
         erp: float = 0.8,
         gravity_m_s2: float = GRAVITY_M_S2,
@@ -68,7 +64,6 @@ class PhysicsClient:
 
         Args:
             physics_hz: steps a simulated second, > 0; the error of closed loops falls with its square.
-            gui: open a window; only one client of a process can have one.
             solver_iterations: sweeps over the constraints a step, all in the same direction: for closed loops that
                 converges about twice as fast as PyBullet's own alternating sweeps.
             erp: share of a constraint's position error that is taken back each step. Only this engine-wide value acts
@@ -77,24 +72,19 @@ class PhysicsClient:
 
         Raises:
             ValueError: a number is out of range.
-            RuntimeError: a window was asked for and there is no display, or PyBullet refused to connect.
+            RuntimeError: PyBullet refused to connect.
         """
         if not 0.0 < physics_hz < float("inf"):
             raise ValueError(f"physics_hz = {physics_hz}: give a positive rate, 240 is usual")
         if solver_iterations < 1 or not 0.0 < erp <= 1.0:
             raise ValueError(f"solver_iterations = {solver_iterations} must be >= 1 and erp = {erp} in (0, 1]")
-        if gui:
-            _require_display()
         self.physics_hz = float(physics_hz)
-        self.gui = gui
         try:
-            self.id: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+            self.id: int = pybullet.connect(pybullet.DIRECT)
         except pybullet.error as error:
-            raise RuntimeError(f"PyBullet did not connect ({error}): close another client or window first") from error
+            raise RuntimeError(f"PyBullet did not connect ({error}): close another client first") from error
         if self.id < 0:
             raise RuntimeError("PyBullet did not connect: too many clients are open, close some")
-        if gui:
-            pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self.id)
         self._finalizer = weakref.finalize(self, _disconnect, self.id)
         pybullet.setGravity(0.0, 0.0, -gravity_m_s2, physicsClientId=self.id)
         pybullet.setPhysicsEngineParameter(
@@ -139,24 +129,3 @@ def _disconnect(client_id: int) -> None:
     # The window may be gone already, or the interpreter may have torn PyBullet down first.
     if pybullet.isConnected(physicsClientId=client_id):
         pybullet.disconnect(physicsClientId=client_id)
-
-
-def _require_display() -> None:
-    """PyBullet ends the whole process when it cannot reach an X server: ask the server first."""
-    if not sys.platform.startswith("linux"):
-        return
-    name = ctypes.util.find_library("X11")
-    reached = False
-    if os.environ.get("DISPLAY") and name:
-        x11 = ctypes.CDLL(name)
-        x11.XOpenDisplay.restype = ctypes.c_void_p
-        x11.XCloseDisplay.argtypes = [ctypes.c_void_p]
-        display = x11.XOpenDisplay(None)
-        if display:
-            x11.XCloseDisplay(display)
-            reached = True
-    if not reached:
-        raise RuntimeError(
-            f"no display: DISPLAY is {os.environ.get('DISPLAY')!r} and no X server answered; use "
-            'render_mode="rgb_array" instead of "human", or run under xvfb-run'
-        )

@@ -101,8 +101,6 @@ class ClosedLoopMachine:
         bodies: Sequence[Body],
         closures: Sequence[Closure],
         motors: Sequence[Motor],
-        *,
-        visuals: bool = True,
     ) -> None:
         """Load the bodies, free their joints and close the loops.
 
@@ -113,7 +111,6 @@ class ClosedLoopMachine:
             bodies: URDF trees.
             closures: points that are pinned together.
             motors: driven joints with their limits.
-            visuals: load the visual shapes; a world that is never rendered does without.
 
         Raises:
             ValueError: two links or joints share a name, or a closure or motor names one that is missing.
@@ -123,9 +120,8 @@ class ClosedLoopMachine:
         self.body_ids: dict[str, int] = {}
         self._joints: dict[str, tuple[int, int]] = {}
         self._links: dict[str, _Link] = {}
-        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-        if not visuals:
-            flags |= pybullet.URDF_IGNORE_VISUAL_SHAPES
+        # Nothing is ever drawn in this world: see simulation/looks.py.
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_IGNORE_VISUAL_SHAPES
         for body in bodies:
             self._load(body, flags)
         self.joints = tuple(self._joints)

@@ -30,22 +30,9 @@ class HoeMachine(PrrsMachine):
         self,
         parameters: HoeParameters | None = None,
         client: PhysicsClient | None = None,
-        *,
-        visuals: bool | None = None,
     ) -> None:
         """Build the machine in its home pose; see ``PrrsMachine``. ``parameters`` default to ``HoeParameters()``."""
-        super().__init__(parameters or HoeParameters(), client, visuals=visuals)
-        fixed = [body for name, body in self._machine.body_ids.items() if name != "platform"]
-        stand = pybullet.getBasePositionAndOrientation
-        self._stands = {body: stand(body, physicsClientId=self.client.id) for body in fixed}
-
-    def place_at(self, cart_m: float, pose: ArrayLike) -> None:
-        """``place`` the machine with its cart at a place along the row: for rendering."""
-        self._origin[0] = cart_m
-        for body, ((x, y, z), turn) in self._stands.items():
-            at = (x + cart_m, y, z)
-            pybullet.resetBasePositionAndOrientation(body, at, turn, physicsClientId=self.client.id)
-        self.place(pose)
+        super().__init__(parameters or HoeParameters(), client)
 
     def tip_world(self) -> Array:
         """Middle of the blade's underside (3,) in the world."""

@@ -38,8 +38,7 @@ class LoopMachine:
 
         Args:
             parameters: the machine's numbers; ``physics_hz`` is the rate of a world of its own.
-            client: a world to build in, for instance one that renders a scene and only calls ``place``; the machine
-                makes its own, and closes it, where this is None.
+            client: a world to build in; the machine makes its own, and closes it, where this is None.
             **own: further arguments of a ``PhysicsClient`` of its own.
         """
         self.parameters = parameters
@@ -74,10 +73,6 @@ class LoopMachine:
     def _remove(self) -> None:
         """Take everything out of a world that was lent."""
         self._machine.remove()
-
-    def _shown(self, visuals: bool | None) -> bool:
-        """Whether to load what can be seen; by default only into a world that was lent, or has a window."""
-        return (not self._owns_client or self.client.gui) if visuals is None else visuals
 
     def _require_rate(self) -> None:
         """Raise a ValueError where a lent world runs at another rate than trajectories are sampled at."""

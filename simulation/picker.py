@@ -54,16 +54,12 @@ class PickerMachine(LoopMachine):
         self,
         parameters: PickerParameters | None = None,
         client: PhysicsClient | None = None,
-        *,
-        visuals: bool | None = None,
     ) -> None:
         """Build the machine with its cart at x = 0 and its arms hanging straight down.
 
         Args:
             parameters: defaults to ``PickerParameters()``.
-            client: a world to build in, for instance one that renders a scene and only calls ``place``; the machine
-                makes its own, and closes it, where this is left out.
-            visuals: load what can be seen; by default only into a world that was lent, or has a window.
+            client: a world to build in; the machine makes its own, and closes it, where this is left out.
         """
         super().__init__(parameters or PickerParameters(), client)
         bar = self.parameters.five_bar
@@ -73,15 +69,14 @@ class PickerMachine(LoopMachine):
         ]
         torque = self.parameters.arm_torque_limit_n_m
         motors = [Motor("cart", self.parameters.cart_force_limit_n), Motor("arm1", torque), Motor("arm2", torque)]
-        shown = self._shown(visuals)
         shipped = PICKER_ASSET if self.parameters == PickerParameters() else None
         with urdf_file(shipped, lambda: picker_robot(self.parameters).to_xml()) as path:
-            self._machine = ClosedLoopMachine(self.client, [Body("picker", path)], closures, motors, visuals=shown)
+            self._machine = ClosedLoopMachine(self.client, [Body("picker", path)], closures, motors)
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, bar.forward([-0.5 * np.pi, -0.5 * np.pi]))
 
     def place(self, cart_x_m: float, tool: ArrayLike) -> None:
-        """Put all joints where the kinematics says, at rest, without stepping: for rendering.
+        """Put all joints where the kinematics says, at rest, without stepping.
 
         Args:
             cart_x_m: x of the arm's plane, metres.

@@ -65,16 +65,12 @@ class PrrsMachine(LoopMachine):
         self,
         parameters: PrrsParameters,
         client: PhysicsClient | None = None,
-        *,
-        visuals: bool | None = None,
     ) -> None:
         """Build the machine in its home pose.
 
         Args:
             parameters: the machine's numbers; they know its URDFs too.
-            client: a world to build in, for instance one that renders a scene and only calls ``place``; the machine
-                makes its own, and closes it, where this is left out.
-            visuals: load what can be seen; by default only into a world that was lent, or has a window.
+            client: a world to build in; the machine makes its own, and closes it, where this is left out.
         """
         super().__init__(parameters, client)
         mechanism = self.parameters.mechanism
@@ -92,8 +88,7 @@ class PrrsMachine(LoopMachine):
             bodies += self._fixtures(paths)
             force, torque = self.parameters.slider_force_limit_n, self.parameters.swing_torque_limit_n_m
             motors = [Motor(name, force if name.startswith("slider") else torque) for name in MOTORS]
-            shown = self._shown(visuals)
-            self._machine = ClosedLoopMachine(self.client, bodies, closures, motors, visuals=shown)
+            self._machine = ClosedLoopMachine(self.client, bodies, closures, motors)
         names = MOTORS + SWINGS
         self._order = [names.index(name) for name in self._machine.joints]
         body = self.platform_id
@@ -108,7 +103,7 @@ class PrrsMachine(LoopMachine):
         return self._machine.body_ids["platform"]
 
     def place(self, pose: ArrayLike) -> None:
-        """Put all joints where the kinematics says, at rest, without stepping: for rendering.
+        """Put all joints where the kinematics says, at rest, without stepping.
 
         Raises:
             UnreachablePoseError: the pose (6,) is beyond a limit; names it.

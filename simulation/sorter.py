@@ -22,11 +22,9 @@ class SorterMachine(PrrsMachine):
         self,
         parameters: SorterParameters | None = None,
         client: PhysicsClient | None = None,
-        *,
-        visuals: bool | None = None,
     ) -> None:
         """Build the machine in its home pose; see ``PrrsMachine``. ``parameters`` default to ``SorterParameters()``."""
-        super().__init__(parameters or SorterParameters(), client, visuals=visuals)
+        super().__init__(parameters or SorterParameters(), client)
 
     def reset(self, pose: ArrayLike) -> None:
         """``place`` the machine, with nothing in its fingers, and have its motors hold it there."""

@@ -27,18 +27,22 @@ class Stage:
         self.library = MeshLibrary()
         self._renderer = Renderer(self.library)
         self._groups: dict[str, Instances] = {}
+        self._shadowless: set[str] = set()
         self._all: Instances | None = None
+        self._casters: Instances | None = None
         self._open = True
 
-    def put(self, group: str, things: Instances) -> None:
-        """Have these in a group, and nothing else.
+    def put(self, group: str, things: Instances, *, shadow: bool = True) -> None:
+        """Have these in a group, and nothing else; marks for people throw no ``shadow``.
 
         Raises:
             RuntimeError: the scene was closed.
         """
         self._require_open()
         self._groups[group] = things
-        self._all = None
+        self._all = self._casters = None
+        if not shadow:
+            self._shadowless.add(group)
 
     def things(self, *groups: str) -> Instances:
         """What stands in some groups, or in all.
@@ -98,7 +102,10 @@ class Stage:
 
     def picture(self, camera: Camera, eye: ArrayLike, target: ArrayLike, about: ArrayLike) -> NDArray[np.uint8]:
         """A picture (h, w, 3) for people, with sky and with the shadows of what is about a place (3,)."""
-        return self._renderer.picture(self.things(), camera, eye, target, about)
+        things = self.things()
+        if self._casters is None:
+            self._casters = self.things(*(name for name in self._groups if name not in self._shadowless))
+        return self._renderer.picture(things, self._casters, camera, eye, target, about)
 
     def close(self) -> None:
         """Look no more; idempotent."""

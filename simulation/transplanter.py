@@ -77,9 +77,7 @@ class TransplanterMachine(LoopMachine):
         motors = [Motor(name, p.torque_limit_n_m) for name in MOTORS]
         shipped = PHYSICS_ASSET if p == TransplanterParameters() else None
         with urdf_file(shipped, lambda: transplanter_robot(p).to_xml()) as path:
-            self._machine = ClosedLoopMachine(
-                self.client, [Body("transplanter", path)], closures, motors, visuals=False
-            )
+            self._machine = ClosedLoopMachine(self.client, [Body("transplanter", path)], closures, motors)
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self._payload_kg = 0.0
         joints = range(pybullet.getNumJoints(self.body_id, physicsClientId=self.client.id))

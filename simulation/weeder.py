@@ -12,13 +12,11 @@ from ..mechanisms.batching import as_points
 from .client import PhysicsClient, pybullet
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
 from .machine import LoopMachine, urdf_file
-from .weeder_model import WEEDER_ASSET, WeederParameters, weeder_robot
+from .weeder_model import JOINTS, WEEDER_ASSET, WeederParameters, weeder_joints, weeder_robot
 
 Array = NDArray[np.float64]
 
 MOTORS = ("cart", "leg1", "leg2", "leg3", "leg4")
-JOINTS = ("cart", *(f"{kind}{leg}" for leg in (1, 2, 3) for kind in ("swing", "tilt", "leg")), "swing4", "leg4")
-JOINTS = (*JOINTS, "nod", "roll")
 _DRIVEN = [JOINTS.index(name) for name in MOTORS]
 
 
@@ -56,15 +54,12 @@ class WeederMachine(LoopMachine):
         self,
         parameters: WeederParameters | None = None,
         client: PhysicsClient | None = None,
-        *,
-        visuals: bool | None = None,
     ) -> None:
         """Build the machine with its cart at x = 0 and the platform at home.
 
         Args:
             parameters: defaults to ``WeederParameters()``.
             client: a world to build in; the machine makes its own, and closes it, where this is left out.
-            visuals: load what can be seen; by default only into a world that was lent, or has a window.
         """
         super().__init__(parameters or WeederParameters(), client)
         mechanism = self.parameters.mechanism
@@ -72,22 +67,16 @@ class WeederMachine(LoopMachine):
         closures = [Closure(f"rod{leg}", (0.0, 0.0, 0.0), "platform", tips[leg - 1]) for leg in (1, 2, 3)]  # type: ignore[arg-type]
         force = self.parameters.leg_force_limit_n
         motors = [Motor("cart", self.parameters.cart_force_limit_n), *(Motor(name, force) for name in MOTORS[1:])]
-        shown = self._shown(visuals)
         shipped = WEEDER_ASSET if self.parameters == WeederParameters() else None
         with urdf_file(shipped, lambda: weeder_robot(self.parameters).to_xml()) as path:
-            self._machine = ClosedLoopMachine(self.client, [Body("weeder", path)], closures, motors, visuals=shown)
+            self._machine = ClosedLoopMachine(self.client, [Body("weeder", path)], closures, motors)
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, mechanism.home_pose)
 
-    def place(self, cart_x_m: float, pose: ArrayLike) -> None:
-        """Put all joints where the kinematics says, at rest, without stepping: for rendering."""
-        self._machine.reset(
-            self._joints(np.array([cart_x_m]), as_points(pose, 4, "pose").reshape(1, 4))[0][self._order]
-        )
-
     def reset(self, cart_x_m: float, pose: ArrayLike, speed_m_s: float = 0.0) -> None:
-        """``place`` the machine with the cart driving at ``speed_m_s`` and all legs at rest against it."""
-        joints = self._joints(np.array([cart_x_m]), as_points(pose, 4, "pose").reshape(1, 4))[0]
+        """Put all joints where the kinematics says, the cart driving at ``speed_m_s``, all legs at rest against it."""
+        poses = as_points(pose, 4, "pose").reshape(1, 4)
+        joints = weeder_joints(self.parameters, np.array([cart_x_m]), poses)[0]
         self._machine.reset(joints[self._order])
         if speed_m_s:
             pybullet.resetJointState(self.body_id, 0, cart_x_m, speed_m_s, self.client.id)
@@ -148,17 +137,3 @@ class WeederMachine(LoopMachine):
         centre, ahead = self._machine.point("platform"), self._machine.point("platform", (0.0, 0.0, 1.0))
         ray = ahead - centre
         return (centre + (height_m - centre[2]) / ray[2] * ray)[:2]
-
-    def _joints(self, carts: Array, poses: Array) -> Array:
-        """All joint positions (n, 14) in the order of ``JOINTS``."""
-        if not np.all(np.isfinite(poses)) or not np.all(np.isfinite(carts)):
-            raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
-        mechanism = self.parameters.mechanism
-        chains = mechanism.chains(poses)
-        columns = [carts]
-        for leg in range(3):
-            n = chains.direction[:, leg]
-            columns += [np.arctan2(-n[:, 1], n[:, 2]), np.arcsin(n[:, 0]), chains.length[:, leg]]
-        angles = mechanism.rpu_angles(poses)
-        columns += [angles[:, 0], chains.length[:, 3], angles[:, 1], angles[:, 2]]
-        return np.stack(columns, axis=-1)

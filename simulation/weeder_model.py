@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..kernels.config import Config, nested, num
 from ..mechanisms import ThreeUPSRPU
 from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
 
 WEEDER_ASSET = "urdf/weeder/weeder.urdf"
+JOINTS = ("cart", *(f"{kind}{leg}" for leg in (1, 2, 3) for kind in ("swing", "tilt", "leg")), "swing4", "leg4")
+JOINTS = (*JOINTS, "nod", "roll")
 
 ALUMINIUM = Colour("aluminium", 0.74, 0.76, 0.79)
 BLACK = Colour("black", 0.10, 0.10, 0.11)
@@ -89,6 +92,27 @@ def weeder_robot(parameters: WeederParameters) -> Robot:
     # A link comes before its joint's child only if the joints lead from the base out: sort links by their joints.
     order = ["way", *(joint.child for joint in joints)]
     return Robot("laser_weeder", tuple(sorted(links, key=lambda link: order.index(link.name))), tuple(joints))
+
+
+def weeder_joints(
+    parameters: WeederParameters, carts: NDArray[np.float64], poses: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """All joint positions (n, 14) in the order of ``JOINTS`` for carts (n,) and poses (n, 4) of the mechanism.
+
+    Raises:
+        ValueError: a value is not finite.
+    """
+    if not np.all(np.isfinite(poses)) or not np.all(np.isfinite(carts)):
+        raise ValueError("the trajectory holds a NaN or an infinity: every commanded position must be finite")
+    mechanism = parameters.mechanism
+    chains = mechanism.chains(poses)
+    columns = [carts]
+    for leg in range(3):
+        n = chains.direction[:, leg]
+        columns += [np.arctan2(-n[:, 1], n[:, 2]), np.arcsin(n[:, 0]), chains.length[:, leg]]
+    angles = mechanism.rpu_angles(poses)
+    columns += [angles[:, 0], chains.length[:, 3], angles[:, 1], angles[:, 2]]
+    return np.stack(columns, axis=-1)
 
 
 def weeder_assets() -> dict[str, str]:

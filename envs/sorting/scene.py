@@ -65,7 +65,8 @@ class SorterScene:
     """Draws the cell.
 
     Attributes:
-        stage: what is drawn: the groups ``cell``, ``ribs``, ``machine``, ``pads`` and ``items``, these under their keys.
+        stage: what is drawn: the groups ``cell``, ``ribs``, ``machine``, ``pads`` and ``items``, each under
+            its key.
     """
 
     def __init__(self, config: SortingConfig):

@@ -221,7 +221,7 @@ class TrayScene:
             self._grown[side] = key, self._planted(top, line.cells[row, column], line.looks[row, column], number)
         return self._grown[side][1]
 
-    def _planted(self, top_m: Array, content: NDArray[np.int64], look: Array, number: NDArray[np.int64]) -> Instances:
+    def _planted(self, top_m: Array, content: NDArray[np.integer], look: Array, number: NDArray[np.int64]) -> Instances:
         """Plugs with their upper faces at (n, 3), and what grows on them."""
         plugs = instances(self._plug, top_m, None, SOIL, number)
         grows = content != EMPTY

@@ -87,9 +87,9 @@ class FieldView(ABC, Generic[SceneT]):
         core: the rules.
     """
 
-    def __init__(self, core: WeedingCore, window: bool = False):
+    def __init__(self, core: WeedingCore):
         """Build nothing yet: scenes come with the first look or picture."""
-        self.core, self._window = core, window
+        self.core = core
         self._eyes: SceneT | None = None
         self._stage: SceneT | None = None
         self._front: FrontCamera | None = None
@@ -100,8 +100,8 @@ class FieldView(ABC, Generic[SceneT]):
         self._focus: Array | None = None
 
     @abstractmethod
-    def make_scene(self, machine: bool) -> SceneT:
-        """A scene for the cameras, or one for people with the machine in it."""
+    def make_scene(self) -> SceneT:
+        """A scene: one for the cameras, and one for people with the machine in it."""
 
     @abstractmethod
     def standing(self) -> Show[SceneT]:
@@ -189,7 +189,7 @@ class FieldView(ABC, Generic[SceneT]):
         """A picture; plants that the present decision kills are still alive in it unless it is ``settled``."""
         core = self.core
         if self._stage is None:
-            self._stage = self.make_scene(machine=True)
+            self._stage = self.make_scene()
             self._loaded = _NONE
         dead = core.state.plant_dose[0] >= core.state.plant_tolerance[0]
         if self._loaded != self._identity():
@@ -200,12 +200,12 @@ class FieldView(ABC, Generic[SceneT]):
         exists, end = core.plant_exists[0, : core.weeds_end], core.weeds_end
         self._stage.set_dead(self._shown_dead[:end][exists], self._shown_dead[end:], self._marks)
         show(self._stage)
-        picture = np.ascontiguousarray(self._stage.render())
+        picture = self._stage.render()
         insets = []
         if self._front is not None and self._front.last is not None:
             insets.append(("front camera", boxed(*self._front.last)))
         if self._focus is not None:
-            insets.append(("tool", np.ascontiguousarray(self._stage.close_up(self._focus, *_INSET_PX))))
+            insets.append(("tool", self._stage.close_up(self._focus, *_INSET_PX)))
         top = 8
         for name, inset in insets:
             h, w, _ = inset.shape
@@ -237,7 +237,7 @@ class FieldView(ABC, Generic[SceneT]):
     def camera_scene(self) -> SceneT:
         """The scene that the cameras look at; the machine is left out of it."""
         if self._eyes is None:
-            self._eyes = self.make_scene(machine=False)
+            self._eyes = self.make_scene()
         return self._eyes
 
     def show_strip(self, scene: FieldScene) -> None:

@@ -35,10 +35,10 @@ def _machine(core: WeedingCore) -> PyBulletHoe:
     return PyBulletHoe(core, core.config)
 
 
-def _view(core: WeedingCore, window: bool) -> HoeView:
+def _view(core: WeedingCore) -> HoeView:
     from .view import HoeView
 
-    return HoeView(core, core.config, window)
+    return HoeView(core, core.config)
 
 
 HOE: Assembly[Any] = Assembly(

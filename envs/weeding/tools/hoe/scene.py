@@ -5,41 +5,37 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .....simulation.client import pybullet
-from .....simulation.hoe import HoeMachine
 from .....simulation.hoe_model import HoeParameters
+from .....simulation.prrs_looks import PrrsLooks
 from ....core import Array
-from ...scene import FieldScene, Quaternion, Rgba
+from ...scene import FieldScene, Rgba
 from .config import HoeWeedingConfig
 
 STIRRED = (0.25, 0.19, 0.14, 1.0)
 WILTED = (0.50, 0.47, 0.20, 1.0)
+_TIP_RAD = 1.35
 
 
 class HoeScene(FieldScene):
-    """Draws strip and machine; the ground is drawn without depth, so the blade vanishes in it."""
+    """Draws strip and machine; the blade vanishes in the ground."""
 
     mark_radius_m, mark_colour = 0.023, STIRRED
     side_eye_m = (0.42, -1.45, 0.62)
     side_middle_m = 0.26
 
-    def __init__(
-        self, config: HoeWeedingConfig, parameters: HoeParameters, *, window: bool = False, machine: bool = True
-    ):
-        """Make everything; the camera's pictures come faster without the ``machine``."""
-        super().__init__(config, parameters.camera_height_m, parameters.physics_hz, window=window)
-        self._machine = HoeMachine(parameters, self.client) if machine else None
+    def __init__(self, config: HoeWeedingConfig, parameters: HoeParameters):
+        """Add the meshes of everything."""
+        super().__init__(config, parameters.camera_height_m)
+        self._machine = PrrsLooks(self.stage.library, parameters, [parameters.cart_robot()])
 
     def set_machine(self, cart_m: float, pose: ArrayLike) -> None:
         """Put the machine at a cart position and a pose of the mechanism."""
-        if self._machine is None:
-            raise RuntimeError("this scene was made without its machine")
         self._cart_m = cart_m
-        self._machine.place_at(cart_m, pose)
+        self.stage.put("machine", self._machine.place(pose, cart_m))
         self.show_front_frustum(cart_m)
 
-    def dead_looks(self, at: Array, turn: Quaternion) -> tuple[Array, Quaternion, Rgba]:
+    def dead_looks(self, at: Array, turn: Array) -> tuple[Array, Array, Rgba]:
         """Uprooted: tipped over beside its place, and wilting."""
-        tip = pybullet.getQuaternionFromEuler((1.35, 0.0, 0.0))
-        lying = pybullet.multiplyTransforms((0.0, 0.0, 0.0), turn, (0.0, 0.0, 0.0), tip)[1]
-        return at + np.array([0.0, 0.0, 0.004]), lying, WILTED
+        c, s = np.cos(_TIP_RAD), np.sin(_TIP_RAD)
+        tip = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+        return at + np.array([0.0, 0.0, 0.004]), turn @ tip, WILTED

@@ -18,14 +18,14 @@ from .scene import HoeScene
 class HoeView(FieldView[HoeScene]):
     """Scenes of the hoe; see ``FieldView``."""
 
-    def __init__(self, core: WeedingCore, config: HoeWeedingConfig, window: bool = False):
+    def __init__(self, core: WeedingCore, config: HoeWeedingConfig):
         """Build nothing yet: scenes come with the first look or picture."""
-        super().__init__(core, window)
+        super().__init__(core)
         self._config, self._parameters = config, hoe_parameters(config)
 
-    def make_scene(self, machine: bool) -> HoeScene:
-        """A scene for the camera, or one for people with the machine in it."""
-        return HoeScene(self._config, self._parameters, window=machine and self._window, machine=machine)
+    def make_scene(self) -> HoeScene:
+        """A scene: one for the camera, and one for people with the machine in it."""
+        return HoeScene(self._config, self._parameters)
 
     def standing(self) -> Show[HoeScene]:
         """The machine as it stands now, its blade up."""

@@ -35,10 +35,10 @@ def _machine(core: WeedingCore) -> PyBulletWeeder:
     return PyBulletWeeder(core, core.config)
 
 
-def _view(core: WeedingCore, window: bool) -> WeederView:
+def _view(core: WeedingCore) -> WeederView:
     from .view import WeederView
 
-    return WeederView(core, core.config, window)
+    return WeederView(core, core.config)
 
 
 LASER: Assembly[Any] = Assembly(

@@ -5,18 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .....mechanisms.batching import as_points
 from .....perception.frames import Camera, Frame
-from .....simulation.client import pybullet
-from .....simulation.meshes import Pool, frustum, upright_to
-from .....simulation.weeder import WeederMachine
-from .....simulation.weeder_model import WeederParameters
+from .....rendering.instances import instances, joined, upright_to
+from .....rendering.shapes import ball, cylinder, frustum
+from .....simulation.looks import MachineLooks
+from .....simulation.stage import Engine
+from .....simulation.weeder_model import JOINTS, WeederParameters, weeder_joints, weeder_robot
 from ....core import Array
 from ...scene import FieldScene
 from .config import WeedingConfig
 
 TOOL_SIGHT = (0.45, 0.80, 0.98, 1.0)
+BEAM, GLOW = (1.0, 0.05, 0.05, 1.0), (1.0, 0.85, 0.35, 1.0)
 _TOOL_HALF_M = 0.05
 """What the camera beside the laser sees to either side of its target."""
+_BEAM_M, _HEAD_M = 1.0, 0.12
+"""The visible beam is this long and begins under the laser head; what is below ground is hidden."""
 
 
 class WeederScene(FieldScene):
@@ -27,47 +32,36 @@ class WeederScene(FieldScene):
     side_middle_m = 0.39
     side_view_rad = np.deg2rad(60.0)
 
-    def __init__(
-        self, config: WeedingConfig, parameters: WeederParameters, *, window: bool = False, machine: bool = True
-    ):
-        """Make everything; the cameras' pictures come faster without the ``machine``."""
-        super().__init__(config, parameters.camera_height_m, parameters.physics_hz, window=window)
-        self._reach = config.reach
-        self._machine = WeederMachine(parameters, self.client) if machine else None
+    def __init__(self, config: WeedingConfig, parameters: WeederParameters):
+        """Add the meshes of everything."""
+        super().__init__(config, parameters.camera_height_m)
+        self._reach, self._parameters = config.reach, parameters
         self.tool = Camera(240, 240, 2.0 * np.arctan(_TOOL_HALF_M / config.reach.gap_m), 0.30, 2.0)
+        library = self.stage.library
+        self._machine = MachineLooks(library, [weeder_robot(parameters)])
+        self._order = [JOINTS.index(name) for name in self._machine.joints]
+        self._platform = self._machine.links.index("platform")
         half = (_TOOL_HALF_M, _TOOL_HALF_M)
-        self._tool_frustum = Pool(self.client, frustum(half, config.reach.gap_m, 0.002), TOOL_SIGHT, 1)
-        red = {"rgbaColor": [1.0, 0.05, 0.05, 0.55], "physicsClientId": self.client.id}
-        shape = pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=0.003, length=1.0, **red)
-        self._beam = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self.client.id)
-        glow = {"rgbaColor": [1.0, 0.85, 0.35, 1.0], "physicsClientId": self.client.id}
-        shape = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=0.0045, **glow)
-        self._spot = pybullet.createMultiBody(0.0, -1, shape, [0, 0, -20], physicsClientId=self.client.id)
+        self._tool_frustum = library.add(frustum(half, config.reach.gap_m, 0.002))
+        self._beam, self._spot = library.add(cylinder(0.003, _BEAM_M, 12)), library.add(ball(0.0045))
 
     def set_machine(self, cart_m: float, pose: ArrayLike, beam_on: bool = False) -> None:
         """Put the machine at a cart position and a pose of the mechanism, its beam on or off."""
-        if self._machine is None:
-            raise RuntimeError("this scene was made without its machine")
         self._cart_m = cart_m
-        self._machine.place(cart_m, pose)
+        joints = weeder_joints(self._parameters, np.array([cart_m]), as_points(pose, 4, "pose").reshape(1, 4))[0]
+        parts, turn, shift = self._machine.place(joints[self._order])
         self.show_front_frustum(cart_m)
-        top = self._machine.platform_world()
-        foot = np.array([*self._machine.beam_world(0.0), 0.0])
-        ray = (foot - top) / np.linalg.norm(foot - top)
-        self._tool_frustum.clear()
-        self._tool_frustum.place(top, upright_to(-ray))
-        at = [0.0, 0.0, -20.0]
-        turn = [0.0, 0.0, 0.0, 1.0]
-        spot = at
+        top, ray = shift[self._platform], turn[self._platform, :, 2]
+        self.stage.put("machine", parts)
+        shown = [instances(self._tool_frustum, top, upright_to(-ray), TOOL_SIGHT)]
         if beam_on:
-            # The visible beam is 1 m long and begins under the laser head; what is below ground is hidden.
-            middle = top + 0.12 * ray + 0.5 * ray
-            at, spot = middle.tolist(), [*self._machine.beam_world(self._reach.target_height_m), 0.006]
-            turn = upright_to(ray).tolist()
-        pybullet.resetBasePositionAndOrientation(self._beam, at, turn, physicsClientId=self.client.id)
-        pybullet.resetBasePositionAndOrientation(self._spot, spot, turn, physicsClientId=self.client.id)
+            along = upright_to(ray)
+            shown.append(instances(self._beam, top + (_HEAD_M + 0.5 * _BEAM_M) * ray, along, BEAM))
+            met = top + (self._reach.target_height_m - top[2]) / ray[2] * ray
+            shown.append(instances(self._spot, (met[0], met[1], 0.006), along, GLOW))
+        self.stage.put("beam", joined(shown), shadow=False)
 
-    def look_tool(self, centre: Array, spot: Array) -> Frame:
+    def look_tool(self, centre: Array, spot: Array, engine: Engine = "own") -> Frame:
         """What the camera beside the laser sees from the platform's ``centre`` (3,) towards a place (2,)."""
         self.plant_around(float(centre[0]))
-        return self.look_down(self.tool, centre, np.array([spot[0], spot[1], self._reach.target_height_m]))
+        return self.look_down(self.tool, centre, np.array([spot[0], spot[1], self._reach.target_height_m]), engine)

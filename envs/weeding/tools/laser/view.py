@@ -27,15 +27,14 @@ TOOL_GATE_M = 0.022
 class WeederView(FieldView[WeederScene]):
     """The laser's strip, with the camera that corrects its aim."""
 
-    def __init__(self, core: WeedingCore, config: WeedingConfig, window: bool = False):
+    def __init__(self, core: WeedingCore, config: WeedingConfig):
         """Build nothing yet: scenes come with the first look or picture."""
-        super().__init__(core, window)
+        super().__init__(core)
         self._config = config
 
-    def make_scene(self, machine: bool) -> WeederScene:
-        """A scene for the cameras, or one for people with the machine in it."""
-        config = self._config
-        return WeederScene(config, weeder_parameters(config), window=machine and self._window, machine=machine)
+    def make_scene(self) -> WeederScene:
+        """A scene: one for the cameras, and one for people with the machine in it."""
+        return WeederScene(self._config, weeder_parameters(self._config))
 
     def standing(self) -> Show[WeederScene]:
         """The machine as it stands now, its beam off."""
