@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -16,26 +18,26 @@ _GL = np.diag([1.0, -1.0, -1.0])
 def view_of(camera: Camera, eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> View:
     """The camera at ``eye`` towards ``target``, points (3,) in metres, its picture's top towards ``up`` (3,).
 
-    Single precision, as PyBullet's cameras have it: so both renderers see the same, on every processor.
+    In single precision, operation by operation as PyBullet does it: so both renderers see the same to the last bit, on
+    every processor.
     A picture's samples lie at whole pixel coordinates, the middle of its axis at (w / 2, h / 2 - 1).
 
     Raises:
         ValueError: the eye is on the target, it looks along ``up``, or something is no number.
     """
-    points = [np.asarray(v, np.float64).astype(np.float32).astype(np.float64) for v in (eye, target, up)]
-    place, ahead = points[0], points[1] - points[0]
-    right = _cross(ahead, points[2])
-    lengths = np.sqrt(ahead @ ahead), np.sqrt(right @ right)
-    if not (np.isfinite(place).all() and 1e-9 < lengths[0] < np.inf and 1e-9 < lengths[1] < np.inf):
+    place, middle, top = (np.asarray(v, np.float64).astype(np.float32) for v in (eye, target, up))
+    with np.errstate(all="ignore"):
+        ahead = _unit(middle - place)
+        right = _unit(_cross(ahead, _unit(top)))
+        above = _cross(right, ahead)
+        turn = np.stack([right, above, -ahead])
+        shift = -np.stack([_dot(axis, place) for axis in turn])
+    if not (np.isfinite(turn).all() and np.isfinite(shift).all()):
         raise ValueError(
-            f"a camera at {points[0].tolist()} towards {points[1].tolist()} with {points[2].tolist()} up sees nothing: "
-            "give finite points apart from each other, and a direction up across the view"
+            f"a camera at {place.tolist()} towards {middle.tolist()} with {top.tolist()} up sees nothing: give finite "
+            "points apart from each other, and a direction up across the view"
         )
-    ahead, right = ahead / lengths[0], right / lengths[1]
-    above = _cross(right, ahead)
-    turn = np.stack([right, above, -ahead])
-    shift = -np.array([axis[0] * place[0] + axis[1] * place[1] + axis[2] * place[2] for axis in turn])
-    turn, shift = (v.astype(np.float32).astype(np.float64) for v in (turn, shift))
+    turn, shift = turn.astype(np.float64), shift.astype(np.float64)
     return View(
         np.ascontiguousarray(turn * np.array([[1.0], [-1.0], [-1.0]])),
         shift * np.array([1.0, -1.0, -1.0]),
@@ -61,10 +63,9 @@ def pose_of(view: View) -> CameraPose:
 def sun_view(towards: Array, middle: Array, half_m: float, pixels: int, far_m: float = 10.0) -> View:
     """A view without perspective along the light onto ``half_m`` about a place (3,)."""
     ahead = -towards
-    right = _cross(np.array([0.0, 1.0, 0.0]), ahead)
-    right /= np.sqrt(right @ right)
+    right = _unit(_cross(np.array([0.0, 1.0, 0.0]), ahead))
     turn = np.stack([right, _cross(ahead, right), ahead])
-    shift = np.array([0.0, 0.0, 0.5 * far_m]) - np.array([float((axis * middle).sum()) for axis in turn])
+    shift = np.array([0.0, 0.0, 0.5 * far_m]) - np.array([_dot(axis, middle) for axis in turn])
     return View(turn, shift, 0.5 * pixels / half_m, 0.5 * pixels, 0.5 * pixels, 0.0, far_m, True)
 
 
@@ -75,5 +76,13 @@ def fall_of_rays(view: View) -> NDArray[np.float32]:
     return np.array([-c - across * view.centre_x - down * view.centre_y, across, down], np.float32)
 
 
-def _cross(a: Array, b: Array) -> Array:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+def _cross(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _dot(a: NDArray[Any], b: NDArray[Any]) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _unit(a: NDArray[Any]) -> NDArray[Any]:
+    return a * (a.dtype.type(1.0) / np.sqrt(_dot(a, a)))

@@ -144,7 +144,8 @@ def capsule(radius_m: float, length_m: float, rings: int = 6, sides: int = 12) -
     # The ball's own axis is x: turned to z, and pulled apart at its equator, which gets two rings.
     place, normal = whole.vertices[:, [1, 2, 0]], whole.normals[:, [1, 2, 0]]
     half, count = 0.5 * length_m, (rings // 2 + 1) * sides
-    upper, lower = place[:count] + [0.0, 0.0, half], place[count - sides :] - [0.0, 0.0, half]
+    apart = np.array([0.0, 0.0, half])
+    upper, lower = place[:count] + apart, place[count - sides :] - apart
     first = (np.arange(rings + 1)[:, None] * sides + np.arange(sides)).ravel()
     second = (np.arange(rings + 1)[:, None] * sides + (np.arange(sides) + 1) % sides).ravel()
     triangles = np.concatenate(

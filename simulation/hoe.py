@@ -22,7 +22,7 @@ YIELD_M_S = 0.02
 
 
 class HoeMachine(PrrsMachine):
-    """The 3-PRRS with its hoe. Poses are relative to the cart; the cart's own place only matters for drawing."""
+    """The 3-PRRS with its hoe. Poses are relative to the cart, in whose frame it is simulated."""
 
     parameters: HoeParameters
 

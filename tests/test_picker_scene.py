@@ -1,4 +1,4 @@
-"""The picker's camera, plants and detector: geometry to a fraction of a pixel, pools that do not grow."""
+"""The picker's camera, plants and detector: geometry to a fraction of a pixel, scenes that do not grow."""
 
 from typing import Any
 
@@ -9,9 +9,10 @@ import pytest
 
 from fieldgym.perception.blooms import BloomSettings, detect
 from fieldgym.perception.frames import Camera, CameraPose, Frame
-from fieldgym.simulation import camera as pictures
-from fieldgym.simulation.client import PhysicsClient, pybullet
-from fieldgym.simulation.meshes import Pool, box, spiny_leaf, surface_of_revolution, tuft, upright_to
+from fieldgym.rendering.instances import instances, upright_to
+from fieldgym.rendering.plants import spiny_leaf, tuft
+from fieldgym.rendering.shapes import box, capsule, cylinder, surface_of_revolution
+from fieldgym.simulation.stage import Stage
 
 ID = "fieldgym/SafflowerPicking-v0"
 
@@ -25,22 +26,19 @@ def picker():
 
 
 def test_camera_geometry_is_right_to_a_fifth_of_a_pixel():
-    camera = Camera(480, 360, np.deg2rad(46.0), 0.1, 2.0)
-    with PhysicsClient() as client:
-        disc = surface_of_revolution(np.array([0.03, 0.0]), np.zeros(2), 48)
-        pool = Pool(client, disc, (1.0, 0.0, 0.0, 1.0), 1)
-        for place in ([0.0, 0.0, 0.0], [0.17, 0.11, 0.0], [-0.2, 0.05, 0.1], [0.1, -0.12, -0.05]):
-            pool.clear()
-            pool.place(np.array(place))
-            eye = np.array([0.0, 0.0, 0.6])
-            frame = pictures.look(camera, client, eye, eye - [0.0, 0.0, 1.0], np.array([0.0, 1.0, 0.0]))
-            rows, columns = np.nonzero(frame.rgb[..., 0].astype(int) - frame.rgb[..., 2] > 60)
-            focal, depth = frame.camera.intrinsics[0, 0], float(np.median(frame.depth_m[rows, columns]))
-            pixel = np.array([columns.mean(), rows.mean(), 1.0])
-            ray = np.linalg.solve(frame.camera.intrinsics, pixel)
-            found = frame.camera.world_from_camera @ np.append(depth * ray, 1.0)
-            assert depth == pytest.approx(0.6 - place[2], abs=5e-4)
-            assert np.abs(found[:2] - place[:2]).max() < 0.2 * depth / focal
+    camera, stage = Camera(480, 360, np.deg2rad(46.0), 0.1, 2.0), Stage()
+    disc = stage.library.add(surface_of_revolution(np.array([0.03, 0.0]), np.zeros(2), 48))
+    for place in ([0.0, 0.0, 0.0], [0.17, 0.11, 0.0], [-0.2, 0.05, 0.1], [0.1, -0.12, -0.05]):
+        stage.put("disc", instances(disc, place, None, (1.0, 0.0, 0.0)))
+        eye = np.array([0.0, 0.0, 0.6])
+        frame = stage.look(camera, eye, eye - [0.0, 0.0, 1.0], np.array([0.0, 1.0, 0.0]))
+        rows, columns = np.nonzero(frame.rgb[..., 0].astype(int) - frame.rgb[..., 2] > 60)
+        focal, depth = frame.camera.intrinsics[0, 0], float(np.median(frame.depth_m[rows, columns]))
+        pixel = np.array([columns.mean(), rows.mean(), 1.0])
+        ray = np.linalg.solve(frame.camera.intrinsics, pixel)
+        found = frame.camera.world_from_camera @ np.append(depth * ray, 1.0)
+        assert depth == pytest.approx(0.6 - place[2], abs=5e-4)
+        assert np.abs(found[:2] - place[:2]).max() < 0.2 * depth / focal
 
 
 def test_heads_in_pots_are_found_where_they_are(picker):
@@ -69,13 +67,12 @@ def test_a_camera_episode_is_repeatable_and_finds_most_heads(picker):
     assert results[0]["done"] >= 6
 
 
-def test_new_fields_reuse_the_bodies_that_there_are(picker):
-    client = picker.view._scene._client
+def test_new_fields_add_no_meshes(picker):
     picker.render()
-    bodies = pybullet.getNumBodies(physicsClientId=client.id)
+    meshes = len(picker.view._scene.stage.library.sources)
     for seed in range(20):
         picker.reset(seed=seed)
-    assert pybullet.getNumBodies(physicsClientId=client.id) == bodies
+    assert len(picker.view._scene.stage.library.sources) == meshes
 
 
 def test_picking_takes_the_filaments_out_of_the_picture(picker):
@@ -151,13 +148,19 @@ def test_colour_tells_the_stage(colour, stage):
 
 
 def test_meshes_are_closed_where_they_should_be_and_normals_are_unit():
-    for mesh in (box((0.1, 0.2, 0.3)), tuft(0.02, 0.02), spiny_leaf(0.1, 0.03, 0.01)):
+    for mesh in (box((0.1, 0.2, 0.3)), tuft(0.02, 0.02), spiny_leaf(0.1, 0.03, 0.01), capsule(0.01, 0.1)):
         assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-6)
         assert mesh.triangles.max() < len(mesh.vertices)
-    solid = surface_of_revolution(np.array([0.0, 0.1, 0.1, 0.0]), np.array([0.0, 0.0, 0.2, 0.2]), 64)
-    a, b, c = (solid.vertices[solid.triangles[:, i]] for i in range(3))
-    volume = np.sum(a * np.cross(b, c)) / 6.0
-    assert volume == pytest.approx(np.pi * 0.01 * 0.2, rel=5e-3)
-    x, y, z, w = upright_to(np.array([0.3, -0.4, 0.2]))
-    turned = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-    assert turned == pytest.approx(np.array([0.3, -0.4, 0.2]) / np.linalg.norm([0.3, -0.4, 0.2]))
+    turned_rings = surface_of_revolution(np.array([0.0, 0.1, 0.1, 0.0]), np.array([0.0, 0.0, 0.2, 0.2]), 64)
+    pill = np.pi * 0.01 * 0.2 + 4.0 / 3.0 * np.pi * 0.001
+    for solid, wanted in (
+        (turned_rings, np.pi * 0.01 * 0.2),
+        (cylinder(0.1, 0.2, 64), np.pi * 0.01 * 0.2),
+        (capsule(0.1, 0.2, 40, 64), pill),
+    ):
+        a, b, c = (solid.vertices[solid.triangles[:, i]] for i in range(3))
+        assert np.sum(a * np.cross(b, c)) / 6.0 == pytest.approx(wanted, rel=6e-3)
+    for ahead in ([0.3, -0.4, 0.2], [0.0, 0.0, -1.0]):
+        turn = upright_to(ahead)[0]
+        assert turn[:, 2] == pytest.approx(np.array(ahead) / np.linalg.norm(ahead))
+        assert turn @ turn.T == pytest.approx(np.eye(3)) and np.linalg.det(turn) == pytest.approx(1.0)

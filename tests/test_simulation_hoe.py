@@ -93,15 +93,6 @@ def test_the_machine_reaches_its_window_and_refuses_what_is_beyond_by_name(machi
         machine.run(far)
 
 
-def test_drawing_puts_cart_and_blade_along_the_row(machine):
-    pose = np.array([0.05, -0.08, 0.06, 0.0, 0.0, 0.0])
-    for cart in (3.5, 0.0):
-        machine.place_at(cart, pose)
-        assert machine.tip_world() == pytest.approx([cart + 0.05, -0.08, 0.06 + PARAMETERS.lowest_tip_m], abs=1e-6)
-        assert machine._machine.closure_error_m() < 1e-5
-        assert machine.platform()[0] == pytest.approx(pose[:3], abs=1e-6)
-
-
 def test_bad_numbers_are_named():
     with pytest.raises(ValueError, match="lowest_tip_m"):
         HoeParameters(lowest_tip_m=0.01)

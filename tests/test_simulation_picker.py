@@ -8,9 +8,12 @@ import pytest
 
 from fieldgym.mechanisms import UnreachablePoseError
 from fieldgym.motion import StoppedPath
+from fieldgym.perception.frames import Camera
 from fieldgym.simulation.client import PhysicsClient, pybullet
+from fieldgym.simulation.looks import MachineLooks
 from fieldgym.simulation.picker import PickerMachine, fastest_gate, measure_tracking
-from fieldgym.simulation.picker_model import FRAME, PickerParameters, picker_robot
+from fieldgym.simulation.picker_model import FRAME, PickerParameters, picker_joints, picker_robot
+from fieldgym.simulation.stage import Stage
 from fieldgym.simulation.urdf import Box, Cylinder, rotation_matrix
 
 PARAMETERS = PickerParameters()
@@ -32,22 +35,6 @@ def states(machine: PickerMachine) -> list[tuple[float, float]]:
     count = pybullet.getNumJoints(machine.body_id, physicsClientId=machine.client.id)
     joints = pybullet.getJointStates(machine.body_id, range(count), physicsClientId=machine.client.id)
     return [joint[:2] for joint in joints]
-
-
-def rendered_depths(client: PhysicsClient, eye: np.ndarray, aims: np.ndarray) -> np.ndarray:
-    """Distance along the view that the camera at ``eye``, looking down, sees in the directions of ``aims`` (n, 3)."""
-    near, far, size = 0.005, 3.0, 128
-    view = pybullet.computeViewMatrix(eye, eye - np.array([0.0, 0.0, 1.0]), (1.0, 0.0, 0.0))
-    lens = pybullet.computeProjectionMatrixFOV(60.0, 1.0, near, far)
-    image = pybullet.getCameraImage(
-        size, size, view, lens, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=client.id
-    )
-    depth = far * near / (far - (far - near) * np.reshape(image[3], (size, size)))
-    matrix = np.reshape(lens, (4, 4)).T @ np.reshape(view, (4, 4)).T
-    points = np.concatenate([aims, np.ones((len(aims), 1))], axis=1) @ matrix.T
-    column = ((points[:, 0] / points[:, 3] + 1.0) * 0.5 * size).astype(int)
-    row = ((1.0 - points[:, 1] / points[:, 3]) * 0.5 * size).astype(int)
-    return depth[row, column]
 
 
 @pytest.fixture
@@ -263,14 +250,18 @@ def test_the_machine_is_as_wide_and_its_frame_as_high_as_published() -> None:
 
 def test_nothing_of_the_machine_stands_in_the_cameras_view() -> None:
     """The cone from the camera that holds a stop's window at head height, with the arm parked high."""
-    with PhysicsClient() as client, PickerMachine(client=client) as machine:
-        machine.place(0.0, [MIDDLE_U, -0.27])
-        eye = np.array([PARAMETERS.camera_ahead_m, 0.0, PARAMETERS.motor_height_m + PARAMETERS.camera_above_motors_m])
-        across = np.linspace(-1.0, 1.0, 21)
-        x, y = np.meshgrid(eye[0] + 0.225 * across, 0.17 * across)
-        aims = np.stack([x.ravel(), y.ravel(), np.full(x.size, eye[2] - 0.48)], axis=-1)
-        seen = rendered_depths(client, eye, aims)
-    assert np.all(seen > 1.2), "something of the machine hides the heads"
+    stage = Stage()
+    looks = MachineLooks(stage.library, [picker_robot(PARAMETERS)])
+    joints = picker_joints(PARAMETERS, np.zeros(1), np.array([[MIDDLE_U, -0.27]]))[0]
+    stage.put("machine", looks.place(joints)[0])
+    eye = np.array([PARAMETERS.camera_ahead_m, 0.0, PARAMETERS.motor_height_m + PARAMETERS.camera_above_motors_m])
+    frame = stage.look(Camera(128, 128, np.deg2rad(60.0), 0.005, 3.0), eye, eye - [0.0, 0.0, 1.0], (0.0, 1.0, 0.0))
+    across = np.linspace(-1.0, 1.0, 21)
+    x, y = np.meshgrid(0.225 * across, 0.17 * across)
+    focal = frame.camera.intrinsics[0, 0]
+    column, row = (64.0 + focal * x / 0.48).round().astype(int), (63.0 - focal * y / 0.48).round().astype(int)
+    assert np.all(frame.depth_m[row, column] > 1.2), "something of the machine hides the heads"
+    assert frame.depth_m.min() < 1.2, "the machine is there"
 
 
 def test_trajectories_that_cannot_be_followed_are_refused(machine: PickerMachine) -> None:
@@ -291,7 +282,7 @@ def test_trajectories_that_cannot_be_followed_are_refused(machine: PickerMachine
     np.testing.assert_allclose(machine.tool_world(), [0.0, 0.0, PARAMETERS.motor_height_m - 0.4], atol=1e-6)
 
 
-def test_a_world_of_another_rate_can_show_but_not_move_the_machine() -> None:
+def test_a_world_of_another_rate_cannot_move_the_machine() -> None:
     with PhysicsClient(100.0) as client, PickerMachine(client=client) as machine:
         machine.place(0.0, [MIDDLE_U, -0.4])
         with pytest.raises(ValueError, match="100"):

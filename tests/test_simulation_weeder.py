@@ -52,7 +52,7 @@ def test_the_beam_at_rest_is_where_the_closed_form_says():
         for beam in ([0.1, 0.15, -0.1], [-0.1, -0.2, 0.2], [0.0, 0.0, 0.0]):
             pose = poses(REACH, np.array([beam]), np.array([2.0]))[0]
             pose[0] += 2.0
-            machine.place(2.0, pose)
+            machine.reset(2.0, pose)
             expected = [2.0 + beam[0] + beam[1], beam[2]]
             assert machine.beam_world(REACH.target_height_m) == pytest.approx(expected, abs=1e-6)
 

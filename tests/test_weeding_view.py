@@ -18,6 +18,7 @@ from fieldgym.envs.weeding.drawing import (
     track_chance,
 )
 from fieldgym.envs.weeding.perception import PerceptionModel
+from fieldgym.envs.weeding.scene import SOIL
 from fieldgym.envs.weeding.state import FAR_M
 from fieldgym.envs.weeding.tools.laser.calibration import MATCH_M, factors, kept, match
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
@@ -25,6 +26,7 @@ from fieldgym.envs.weeding.tools.laser.machine import weeder_parameters
 from fieldgym.envs.weeding.tools.laser.scene import WeederScene
 from fieldgym.envs.weeding.tools.laser.view import TOOL_SETTINGS
 from fieldgym.perception.weeds import detect
+from fieldgym.rendering.renderer import GroundLook, level_colour
 
 SCENARIO = SCENARIOS["load-1.0"]
 
@@ -32,7 +34,7 @@ SCENARIO = SCENARIOS["load-1.0"]
 @pytest.fixture(scope="module")
 def scene():
     config = WeedingConfig()
-    made = WeederScene(config, weeder_parameters(config), machine=False)
+    made = WeederScene(config, weeder_parameters(config))
     yield made
     made.close()
 
@@ -72,16 +74,27 @@ def test_a_weed_beside_a_crop_plants_leaves_is_seen_and_the_crop_plant_is_one(sc
     assert np.hypot(*(weeds - [0.0, 0.062]).T).min() < 0.008
 
 
-def test_painted_ground_looks_like_drawn_ground(scene, monkeypatch):
+def test_painted_ground_looks_like_drawn_ground(scene):
     show(scene, KINDS, crop=[(0.2, 0.0)])
-    painted = scene.look_front(-0.85).rgb, scene.look_tool(np.array([0.0, 0.05, 0.55]), np.array([0.02, 0.1])).rgb
-    ground = scene._pools["ground"]
-    always = ground.show
-    monkeypatch.setattr(ground, "show", lambda _: always(np.ones(1, bool)))
-    drawn = scene.look_front(-0.85).rgb, scene.look_tool(np.array([0.0, 0.05, 0.55]), np.array([0.02, 0.1])).rgb
-    for one, other in zip(painted, drawn, strict=True):
-        # Where a clod dips into the ground, rounding may decide differently.
-        assert (one != other).any(axis=-1).mean() < 1e-4
+    scene.plant_around(0.0)
+    eye = np.array([0.0, 0.05, 0.85])
+    still = GroundLook(SOIL, 1.0, 0, np.zeros((scene.front.height, scene.front.width), np.float32))
+    view = scene.front, eye, np.array([0.02, 0.1, 0.0]), (1.0, 0.0, 0.0)
+    painted = scene.stage.look(*view, "plants", "soil", ground=still).rgb
+    drawn = scene.stage.look(*view, "plants", "soil", "ground").rgb
+    # Where a clod dips into the ground, rounding may decide differently.
+    assert (painted != drawn).any(axis=-1).mean() < 1e-4
+    assert (painted == level_colour(SOIL)).all(axis=-1).mean() > 0.5
+
+
+def test_one_side_is_in_the_shade_and_everything_is_noisy(scene):
+    show(scene, [])
+    rgb = scene.look_front(-0.85).rgb.astype(float)
+    edge = int((0.35 + 0.3 * np.sin(7.0)) * scene.front.width)
+    soil = level_colour(SOIL).astype(float)
+    assert np.median(rgb[:, : edge - 2], axis=(0, 1)) == pytest.approx(0.55 * soil, abs=1.0)
+    assert np.median(rgb[:, edge + 2 :], axis=(0, 1)) == pytest.approx(soil, abs=1.0)
+    assert 3.0 < np.std(rgb[:40, edge + 2 :, 0]) < 6.5
 
 
 def test_the_same_place_gives_the_same_picture_whatever_was_looked_at_before(scene):
