@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..envs.compiled import compiled
+from ..rendering.compiling import compiled
 from ..rendering.instances import NOBODY, Instances, instances
 from ..rendering.library import MeshLibrary
 from ..rendering.shapes import Array, Mesh, ball, box, cylinder, merged, turned
@@ -63,7 +63,7 @@ class MachineLooks:
     def place(
         self, positions: ArrayLike, bases: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None
     ) -> tuple[Instances, Array, Array]:
-        """The machine with its joints at ``positions``: its instances, and all links' turns (l, 3, 3) and places (l, 3).
+        """The machine with its joints at ``positions``: instances, and all links' turns (l, 3, 3) and places (l, 3).
 
         Args:
             positions: (len(joints),), radians and metres.
