@@ -193,31 +193,13 @@ def test_other_parameters_make_another_machine() -> None:
 def test_a_lent_world_is_left_as_it_was() -> None:
     with PhysicsClient() as client:
         machine = PickerMachine(client=client)
-        assert len(pybullet.getVisualShapeData(machine.body_id, physicsClientId=client.id)) > 40
-        assert pybullet.getNumBodies(physicsClientId=client.id) > 1, "the hose is seen"
+        assert pybullet.getNumBodies(physicsClientId=client.id) == 1
         machine.close()
         machine.close()
         assert not client.closed
         assert pybullet.getNumBodies(physicsClientId=client.id) == 0
         assert pybullet.getNumConstraints(physicsClientId=client.id) == 0
         client.step()
-
-
-def test_a_visible_hose_follows_the_tool() -> None:
-    cart, tool = short_motion()
-    with PhysicsClient() as client, PickerMachine(client=client) as machine:
-        pieces = [body for body in range(pybullet.getNumBodies(physicsClientId=client.id)) if body != machine.body_id]
-
-        def lowest() -> np.ndarray:
-            places = [pybullet.getBasePositionAndOrientation(body, physicsClientId=client.id)[0] for body in pieces]
-            return np.array(min(places, key=lambda place: place[2]))
-
-        machine.reset(cart[0], tool[0])
-        before = lowest() - machine.tool_world()
-        machine.run(cart, tool)
-        after = lowest() - machine.tool_world()
-    assert 0.2 < before[2] < 0.25
-    np.testing.assert_allclose(after, before, atol=0.01)
 
 
 def test_a_world_of_its_own_is_closed_with_it() -> None:
