@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiling import compiled
+from ..kernels import compiled
 from .instances import Instances
 from .library import Meshes
 from .shapes import Array

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiling import compiled
+from ..kernels import compiled
 from .instances import Instances
 from .raster import Layers, Light, View
 from .shapes import Array

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..rendering.compiling import compiled
+from ..kernels import compiled
 from ..rendering.instances import NOBODY, Instances, instances
 from ..rendering.library import MeshLibrary
 from ..rendering.shapes import Array, Mesh, ball, box, cylinder, merged, turned

@@ -109,7 +109,9 @@ def test_light_is_the_formula_that_the_cameras_were_measured_in():
     wanted = [int(int(255 * c) * (0.62 + shine * tint)) for c, tint in zip(RED, (1.0, 0.98, 0.94), strict=True)]
     assert level_colour(RED).tolist() == wanted
     # A side away from the sun has the ambient share alone.
-    dark = seen(box((0.4, 0.4, 0.4)), eye=np.array([-1.0, 0.3, 0.0]), target=np.zeros(3), up=(0.0, 0.0, 1.0)).frame.rgb
+    dark = seen(
+        box((0.4, 0.4, 0.4)), eye=np.array([-1.0, 0.3, 0.0]), target=np.zeros(3), up=np.array([0.0, 0.0, 1.0])
+    ).frame.rgb
     assert [int(0.62 * int(255 * c)) for c in RED] in dark.reshape(-1, 3).tolist()
 
 
