@@ -378,35 +378,6 @@ def test_every_motion_that_the_rules_plan_is_within_every_limit_all_the_way():
     assert seen > 100
 
 
-@pytest.mark.slow
-def test_pictures_follow_the_blade_into_the_ground_and_show_what_it_did():
-    env: Any = gym.make(
-        ENV_ID, backend="analytic", perception="perfect", config=short_config(), render_mode="rgb_array"
-    )
-    _, info = env.reset(seed=0)
-    view = env.unwrapped.view
-    tips: list[float] = []
-    pictures: list[np.ndarray] = []
-    while not info["action_mask"][2]:
-        info = env.step(int(info["action_mask"].size - 1))[-1]
-
-    def keep(picture: np.ndarray) -> None:
-        pictures.append(picture)
-        tips.append(float(view._stage._machine.tip_world()[2]))
-
-    env.unwrapped.record(keep, 12.0)
-    env.step(DEEP)
-    env.unwrapped.record(None)
-    assert len(pictures) > 10 and pictures[0].shape[2] == 3
-    # Down to the depth and up again.
-    assert min(tips) == pytest.approx(-HOE.depth_m[DEEP], abs=2e-3)
-    assert tips[0] == pytest.approx(HOE.clearance_m) and max(tips) <= HOE.clearance_m + 1e-6
-    assert np.mean(np.any(pictures[0] != pictures[-1], axis=-1)) > 0.01
-    assert env.render().shape == pictures[0].shape
-    env.close()
-    env.close()
-
-
 def test_tools_meet_the_same_field_and_a_wrong_configuration_is_named():
     cores = [gym.make(ENV_ID, backend="analytic", tool=tool).unwrapped.core for tool in ("hoe", "laser")]  # type: ignore[attr-defined]
     for core in cores:

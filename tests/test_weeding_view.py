@@ -1,6 +1,7 @@
 """The weeder's cameras on rendered strips, their tracks in the rules, the statistical cameras, pictures for people."""
 
 from dataclasses import replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -20,6 +21,7 @@ from fieldgym.envs.weeding.drawing import (
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.scene import SOIL
 from fieldgym.envs.weeding.state import FAR_M
+from fieldgym.envs.weeding.tools.hoe.process import HoeProcessConfig
 from fieldgym.envs.weeding.tools.laser.calibration import MATCH_M, factors, kept, match
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.machine import weeder_parameters
@@ -180,6 +182,40 @@ def test_pictures_show_the_field_the_front_camera_and_the_gauge(env):
     # White frames about the small pictures; the green gauge.
     assert np.array_equal(frames[-1][8, -20], [245, 245, 245])
     assert np.abs(frames[-1].astype(int) - first).mean() > 1.0
+
+
+@pytest.mark.slow
+def test_pictures_follow_the_blade_into_the_ground_and_show_what_it_did():
+    hoe = HoeProcessConfig()
+    env: Any = gym.make(
+        "fieldgym/HoeWeeding-v0",
+        backend="analytic",
+        perception="perfect",
+        overrides={"scenario.strip_m": 2.0},
+        render_mode="rgb_array",
+    )
+    _, info = env.reset(seed=0)
+    view = env.unwrapped.view
+    tips: list[float] = []
+    pictures: list[np.ndarray] = []
+    while not info["action_mask"][2]:
+        info = env.step(int(info["action_mask"].size - 1))[-1]
+
+    def keep(picture: np.ndarray) -> None:
+        pictures.append(picture)
+        tips.append(float(view._stage._machine.tip_world()[2]))
+
+    env.unwrapped.record(keep, 12.0)
+    env.step(2)
+    env.unwrapped.record(None)
+    assert len(pictures) > 10 and pictures[0].shape[2] == 3
+    # Down to the depth and up again.
+    assert min(tips) == pytest.approx(-hoe.depth_m[2], abs=2e-3)
+    assert tips[0] == pytest.approx(hoe.clearance_m) and max(tips) <= hoe.clearance_m + 1e-6
+    assert np.mean(np.any(pictures[0] != pictures[-1], axis=-1)) > 0.01
+    assert env.render().shape == pictures[0].shape
+    env.close()
+    env.close()
 
 
 def drawn(perception, worlds=200):
