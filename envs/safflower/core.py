@@ -154,7 +154,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
 
     def scores(self) -> Array:
         """Scorecard so far; see ``score_names``. The net rate is eq. 35 over every open head of the field."""
-        return score_worlds(self.state)
+        return score_worlds(self.state.totals, self.state.stop)
 
     def describe(self, plan: PickerPlan, result: StepResult, row: int = 0) -> str:
         """One line about the last decision."""

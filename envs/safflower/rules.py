@@ -195,26 +195,26 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
 
 
 @compiled
-def score_worlds(worlds: Worlds) -> Array:
+def score_worlds(totals: Array, stop: NDArray[np.int64]) -> Array:
     """Scorecard so far (B, scores); the net rate counts every open head of the field."""
-    result = np.empty((len(worlds.totals), len(S)))
+    result = np.empty((len(totals), len(S)))
     for w in range(len(result)):
-        totals = worlds.totals[w]
-        per_minute = 60.0 / totals[T.time] if totals[T.time] > 0.0 else 0.0
-        result[w, S.net_rate] = totals[T.gained] / max(totals[T.total], 1e-12)
-        result[w, S.cycle_time_s] = totals[T.last] / max(totals[T.done], 1.0)
-        result[w, S.throughput_per_min] = totals[T.done] * per_minute
-        result[w, S.duration_s] = totals[T.time]
-        result[w, S.done] = totals[T.done]
-        result[w, S.missed] = totals[T.missed]
-        result[w, S.damaged] = totals[T.damaged]
-        result[w, S.illegal] = totals[T.illegal]
+        of = totals[w]
+        per_minute = 60.0 / of[T.time] if of[T.time] > 0.0 else 0.0
+        result[w, S.net_rate] = of[T.gained] / max(of[T.total], 1e-12)
+        result[w, S.cycle_time_s] = of[T.last] / max(of[T.done], 1.0)
+        result[w, S.throughput_per_min] = of[T.done] * per_minute
+        result[w, S.duration_s] = of[T.time]
+        result[w, S.done] = of[T.done]
+        result[w, S.missed] = of[T.missed]
+        result[w, S.damaged] = of[T.damaged]
+        result[w, S.illegal] = of[T.illegal]
         for phase in range(len(P)):
-            result[w, S.phase_recognise_s + phase] = totals[T.recognise + phase]
-        result[w, S.collected_g] = totals[T.gained]
-        result[w, S.dropped_g] = totals[T.dropped]
-        result[w, S.total_g] = totals[T.total]
-        result[w, S.wasted] = totals[T.wasted]
-        result[w, S.grams_per_min] = totals[T.gained] * per_minute
-        result[w, S.stop] = worlds.stop[w]
+            result[w, S.phase_recognise_s + phase] = of[T.recognise + phase]
+        result[w, S.collected_g] = of[T.gained]
+        result[w, S.dropped_g] = of[T.dropped]
+        result[w, S.total_g] = of[T.total]
+        result[w, S.wasted] = of[T.wasted]
+        result[w, S.grams_per_min] = of[T.gained] * per_minute
+        result[w, S.stop] = stop[w]
     return result

@@ -224,7 +224,9 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
 
     def scores(self) -> Array:
         """Scorecard so far; see ``score_names``. The net rate counts every true weed of the band, missed ones too."""
-        return score_worlds(self.tables, self.state)
+        tables, s = self.tables, self.state
+        known = s.totals, s.phases_s, s.weeds, s.crops_in_strip, s.cart, s.track_count
+        return score_worlds(tables.start_m, tables.ha_s_per_m_h, *known)
 
     def describe(self, plan: WeederPlan, result: StepResult, row: int = 0) -> str:
         """One line about the last decision."""

@@ -68,28 +68,38 @@ def observe_worlds(
 
 
 @compiled
-def score_worlds(tables: Tables, worlds: Worlds) -> Array:
+def score_worlds(
+    start_m: float,
+    ha_s_per_m_h: float,
+    totals: Array,
+    phases_s: Array,
+    weeds: Array,
+    crops: Array,
+    cart: Array,
+    tracks: NDArray[np.int64],
+) -> Array:
     """Scorecard so far: the common scores, the phases, then the task's own.
 
-    The net rate counts every true weed of the band, missed ones too.
+    The net rate counts every true weed of the band, missed ones too. The arguments are those of the state that count:
+    each array that a call is handed costs a single world time.
     """
-    phases = worlds.phases_s.shape[1]
-    result = np.empty((len(worlds.totals), len(S) + phases + len(OWN)))
+    phases = phases_s.shape[1]
+    result = np.empty((len(totals), len(S) + phases + len(OWN)))
     for w in range(len(result)):
-        totals, weeds, score, own = worlds.totals[w], worlds.weeds[w], result[w], len(S) + phases
-        time_s, killed, shots = max(totals[T.time], 1e-9), totals[T.killed], totals[T.shots]
-        score[S.net_rate] = killed / max(weeds, 1.0)
-        score[S.cycle_time_s] = totals[T.last_kill] / max(killed, 1.0)
+        of, there, score, own = totals[w], weeds[w], result[w], len(S) + phases
+        time_s, killed, shots = max(of[T.time], 1e-9), of[T.killed], of[T.shots]
+        score[S.net_rate] = killed / max(there, 1.0)
+        score[S.cycle_time_s] = of[T.last_kill] / max(killed, 1.0)
         score[S.throughput_per_min] = 60.0 * killed / time_s
-        score[S.duration_s] = totals[T.time]
-        score[S.done], score[S.missed] = killed, weeds - killed
-        score[S.damaged], score[S.illegal] = totals[T.crop], totals[T.illegal]
+        score[S.duration_s] = of[T.time]
+        score[S.done], score[S.missed] = killed, there - killed
+        score[S.damaged], score[S.illegal] = of[T.crop], of[T.illegal]
         for phase in range(phases):
-            score[len(S) + phase] = worlds.phases_s[w, phase]
-        score[own + OWN.crop_loss_percent] = 100.0 * totals[T.crop] / max(worlds.crops_in_strip[w], 1.0)
-        score[own + OWN.joules_per_weed] = totals[T.joules] / max(killed, 1.0)
-        score[own + OWN.ha_per_h] = (worlds.cart[w] + tables.start_m) / time_s * tables.ha_s_per_m_h
-        score[own + OWN.shots], score[own + OWN.blank_shots] = shots, totals[T.blanks]
-        score[own + OWN.shot_time_s] = totals[T.last_shot] / max(shots, 1.0)
-        score[own + OWN.weeds], score[own + OWN.tracks] = weeds, worlds.track_count[w]
+            score[len(S) + phase] = phases_s[w, phase]
+        score[own + OWN.crop_loss_percent] = 100.0 * of[T.crop] / max(crops[w], 1.0)
+        score[own + OWN.joules_per_weed] = of[T.joules] / max(killed, 1.0)
+        score[own + OWN.ha_per_h] = (cart[w] + start_m) / time_s * ha_s_per_m_h
+        score[own + OWN.shots], score[own + OWN.blank_shots] = shots, of[T.blanks]
+        score[own + OWN.shot_time_s] = of[T.last_shot] / max(shots, 1.0)
+        score[own + OWN.weeds], score[own + OWN.tracks] = there, tracks[w]
     return result
