@@ -1,6 +1,7 @@
 # make benchmark   the scripted policies on the papers' protocols, in PyBullet; the table ends up in results/quick/
 # make leaderboard every policy on the headline scenarios, under an hour; docs/leaderboard.md and results/report.html
 # make test        the tests
+# make test-slow   those that take more than a few seconds each
 # make lint        ruff and pyright
 # make clean       delete what the other targets made, the results and the user's cache folder excepted
 #
@@ -23,7 +24,7 @@ INPUTS := pyproject.toml constraints.txt Makefile
 CORE := $(VENV)/.fieldgym-core
 FULL := $(VENV)/.fieldgym-$(EXTRAS)
 
-.PHONY: benchmark leaderboard test lint setup clean
+.PHONY: benchmark leaderboard test test-slow lint setup clean
 .DEFAULT_GOAL := benchmark
 
 benchmark: $(CORE)
@@ -34,7 +35,10 @@ leaderboard: $(FULL)
 	$(BIN)/fieldgym report results/full --out results/report.html --leaderboard docs/leaderboard.md
 
 test: $(FULL)
-	$(BIN)/python -m pytest -n $(JOBS)
+	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+
+test-slow: $(FULL)
+	$(BIN)/python -m pytest -n $(JOBS) -m slow
 
 lint: $(FULL)
 	$(BIN)/ruff check .
