@@ -12,6 +12,7 @@ from ..perception.frames import Camera, Frame
 from .cameras import fall_of_rays, pose_of, sun_view, view_of
 from .instances import Instances
 from .library import MeshLibrary
+from .noise import stream
 from .raster import Layers, Light, View, draw
 from .shading import Ground, resolve, resolve_ground, resolve_picture
 from .shapes import Array
@@ -38,13 +39,15 @@ class GroundLook(NamedTuple):
         colour: (3,), red, green, blue in [0, 1].
         shade: share of its colour that the shaded side of the picture keeps.
         shaded: columns of the picture in the shade.
-        noise: (h, w) float32, added to all colours, out of 255.
+        noise: standard deviation of what is added to all colours of a pixel, out of 255.
+        seed: of the noise.
     """
 
     colour: tuple[float, ...]
     shade: float
     shaded: int
-    noise: NDArray[np.float32]
+    noise: float
+    seed: int
 
 
 class Look(NamedTuple):
@@ -105,7 +108,13 @@ class Renderer:
         else:
             height = float(pose_of(view).world_from_camera[2, 3])
             look = Ground(
-                level_colour(ground.colour), height, fall_of_rays(view), ground.shade, ground.shaded, ground.noise
+                level_colour(ground.colour),
+                height,
+                fall_of_rays(view),
+                ground.shade,
+                ground.shaded,
+                ground.noise,
+                stream(ground.seed),
             )
             resolve_ground(things, layers, SUN, camera.far_m, look, rgb, depth, identity)
         return Look(Frame(rgb, depth, pose_of(view)), identity)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..kernels import compiled
 from .instances import Instances
+from .noise import normals
 from .raster import Layers, Light, View
 from .shapes import Array
 
@@ -22,7 +23,8 @@ class Ground(NamedTuple):
         fall: (3,) float32, how far a ray of depth one falls: at the corner, more a column, more a row.
         shade: of the columns before ``shaded`` (1 is none).
         shaded: columns that lie in the shade.
-        noise: (h, w) float32, added to all three colours.
+        noise: standard deviation of what is added to all three colours of a pixel, out of 255.
+        state: (6,) uint64, of the generator behind it, see ``noise.stream``; moved on.
     """
 
     colour: NDArray[np.uint8]
@@ -30,7 +32,8 @@ class Ground(NamedTuple):
     fall: NDArray[np.float32]
     shade: float
     shaded: int
-    noise: NDArray[np.float32]
+    noise: float
+    state: NDArray[np.uint64]
 
 
 @compiled
@@ -96,7 +99,9 @@ def resolve_ground(
         np.float32(ground.colour[1]),
         np.float32(ground.colour[2]),
     )
+    sigma, line = np.float32(ground.noise), np.empty(width, np.float32)
     for y in range(height):
+        normals(ground.state, line)
         last, flat, who = -2, False, -1
         red, green, blue = nothing, nothing, nothing
         begin = down * np.float32(y)
@@ -124,7 +129,7 @@ def resolve_ground(
                 identity[y, x] = who
             if x < ground.shaded:
                 r, g, b = r * shade, g * shade, b * shade
-            noise = ground.noise[y, x]
+            noise = line[x] * sigma
             rgb[y, x, 0] = np.uint8(min(max(np.rint(r + noise), nothing), white))
             rgb[y, x, 1] = np.uint8(min(max(np.rint(g + noise), nothing), white))
             rgb[y, x, 2] = np.uint8(min(max(np.rint(b + noise), nothing), white))

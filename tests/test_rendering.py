@@ -8,6 +8,7 @@ import pytest
 from fieldgym.perception.frames import Camera
 from fieldgym.rendering.instances import about_z, instances, joined
 from fieldgym.rendering.library import GRID, MeshLibrary
+from fieldgym.rendering.noise import add_noise, normals, stream
 from fieldgym.rendering.plants import spiny_leaf, tuft, whorl
 from fieldgym.rendering.renderer import SUN, Renderer, level_colour
 from fieldgym.rendering.shapes import Mesh, ball, box, cylinder, ellipsoid, flat_shaded, frustum, rod
@@ -214,6 +215,27 @@ def test_coordinates_lie_on_a_grid_that_no_last_bit_crosses():
     assert np.array_equal(library.meshes.vertex * GRID, np.rint(library.meshes.vertex * GRID))
     thing = instances(0, [0.1 + 2**-40, 1 / 3, 0.0])
     assert np.array_equal(thing.shift * GRID, np.rint(thing.shift * GRID))
+
+
+def test_noise_is_numpys_own_to_the_last_bit_and_goes_on_where_it_ended():
+    """Odd lengths leave half a word; the tail, one number in some thousands, is among 2 million."""
+    for seed in range(50):
+        state, numpys = stream(seed), np.random.default_rng(seed)
+        for length in (40_001, 3):
+            out = np.empty(length, np.float32)
+            normals(state, out)
+            assert np.array_equal(out, numpys.standard_normal(length, dtype=np.float32))
+
+
+def test_a_cheap_camera_drifts_in_gain_and_is_noisy_in_colour_and_depth():
+    numbers = np.random.default_rng(8)
+    rgb, depth = numbers.integers(0, 256, (24, 31, 3)).astype(np.uint8), np.full((24, 31), 0.5, np.float32)
+    seen = add_noise(stream([7, 3]), rgb, depth, 0.03, 3.0, 0.001)
+    numpys = np.random.default_rng([7, 3])
+    gain = 1.0 + np.float32(0.03) * numpys.standard_normal(3, dtype=np.float32)
+    colour = rgb * gain + np.float32(3.0) * numpys.standard_normal(rgb.shape, dtype=np.float32)
+    assert np.array_equal(seen[0], np.clip(np.rint(colour), 0, 255).astype(np.uint8))
+    assert np.array_equal(seen[1], depth + np.float32(0.001) * numpys.standard_normal(depth.shape, dtype=np.float32))
 
 
 @pytest.mark.parametrize("place", [(np.nan, 0.0, 0.0), (0.0, np.inf, 0.0), (1e9, 0.0, 0.0)])

@@ -80,7 +80,7 @@ def test_painted_ground_looks_like_drawn_ground(scene):
     show(scene, KINDS, crop=[(0.2, 0.0)])
     scene.plant_around(0.0)
     eye = np.array([0.0, 0.05, 0.85])
-    still = GroundLook(SOIL, 1.0, 0, np.zeros((scene.front.height, scene.front.width), np.float32))
+    still = GroundLook(SOIL, 1.0, 0, 0.0, 0)
     view = scene.front, eye, np.array([0.02, 0.1, 0.0]), (1.0, 0.0, 0.0)
     painted = scene.stage.look(*view, "plants", "soil", ground=still).rgb
     drawn = scene.stage.look(*view, "plants", "soil", "ground").rgb

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...motion.orientation import LEVEL, conjugate, product, tilted
 from ...perception.frames import Frame
 from ...perception.produce import Belt, Produce, ProduceSettings, detect
+from ...rendering.noise import add_noise, stream
 from ..columns import names
 from ..core import Array, StepResult
 from .columns import ITEM, PHASE, REWARD, Report
@@ -36,11 +37,8 @@ _GRAVITY_M_S2 = 9.81
 
 def sensor_noise(frame: Frame, seed: int, number: int) -> Frame:
     """What a real camera would make of a rendered image; the same for the same episode and image."""
-    rng = np.random.default_rng([seed, number])
-    gain = 1.0 + np.float32(GAIN_SIGMA) * rng.standard_normal(3, dtype=np.float32)
-    rgb = frame.rgb * gain + np.float32(COLOUR_SIGMA) * rng.standard_normal(frame.rgb.shape, dtype=np.float32)
-    depth = frame.depth_m + np.float32(DEPTH_SIGMA_M) * rng.standard_normal(frame.depth_m.shape, dtype=np.float32)
-    return Frame(np.clip(np.rint(rgb), 0, 255).astype(np.uint8), depth, frame.camera)
+    rgb, depth = add_noise(stream([seed, number]), frame.rgb, frame.depth_m, GAIN_SIGMA, COLOUR_SIGMA, DEPTH_SIGMA_M)
+    return Frame(rgb, depth, frame.camera)
 
 
 class SorterView:

@@ -58,7 +58,7 @@ class FieldScene:
         library = self.stage.library
         self._weed_mesh = np.array([[library.add(weed_mesh(k, stage)) for stage in (0, 1, 2)] for k in (0, 1)])
         self._crop_mesh = library.add(crop_mesh(config.scenario.crop))
-        self._ground = library.add(box((8.0, 5.0, 0.02), bottom=False))
+        self._soil = library.add(box((8.0, 5.0, 0.02), bottom=False))
         clod = surface_of_revolution(np.array([0.012, 0.010, 0.0]), np.array([-0.002, 0.005, 0.008]), 6)
         pebble = surface_of_revolution(np.array([0.007, 0.006, 0.0]), np.array([-0.002, 0.003, 0.005]), 5)
         moss = surface_of_revolution(np.array([0.009, 0.0]), np.array([0.0005, 0.001]), 7)
@@ -138,8 +138,8 @@ class FieldScene:
 
     def look_down(self, camera: Camera, eye: Array, target: Array, engine: Engine = "own") -> Frame:
         """What a camera over the ground sees from ``eye`` (3,) towards ``target`` (3,), its noise included."""
-        ground = GroundLook(SOIL, _SHADE, *self._sensor(camera, eye))
-        return self.stage.look(camera, eye, target, (1.0, 0.0, 0.0), "plants", "soil", ground=ground, engine=engine)
+        view, ground = (camera, eye, target, (1.0, 0.0, 0.0)), self._ground(camera, eye)
+        return self.stage.look(*view, "plants", "soil", ground=ground, engine=engine)
 
     def plant_around(self, middle_m: float) -> None:
         """Show what stands around ``middle_m``, if it is not shown."""
@@ -147,7 +147,7 @@ class FieldScene:
             return
         self._planted_m = middle_m
         low, high = middle_m - _BEHIND_M - _REPLANT_M, middle_m + _AHEAD_M + _REPLANT_M
-        self.stage.put("ground", instances(self._ground, (middle_m + 0.2, 0.0, -0.01), None, SOIL))
+        self.stage.put("ground", instances(self._soil, (middle_m + 0.2, 0.0, -0.01), None, SOIL))
         along = self._plants.shift[:, 0]
         crop = BEET if self.config.scenario.crop == "beet" else MAIZE
         pitch, row = self.config.scenario.crop_pitch_m, self.config.scenario.row_m
@@ -169,13 +169,11 @@ class FieldScene:
         """Middle of what throws shadows in pictures for people."""
         return np.array([self._cart_m, 0.0, 0.3])
 
-    def _sensor(self, camera: Camera, eye: Array) -> tuple[int, NDArray[np.float32]]:
-        """Columns in the cart's shade and the sensor's noise (h, w); the same for the same place."""
+    def _ground(self, camera: Camera, eye: Array) -> GroundLook:
+        """Bare ground, the cart's shade on it, and the sensor's noise; the same for the same place."""
         edge = round((0.35 + 0.3 * np.sin(2.1 * float(eye[0]) + self._strip)) * camera.width)
         key = (round(float(eye[0]) * 1e4) * 7919 + round(float(eye[1]) * 1e4) + 31 * self._strip) % 2**32
-        noise = np.random.default_rng(key).standard_normal((camera.height, camera.width), dtype=np.float32)
-        noise *= np.float32(_SENSOR_NOISE)
-        return max(edge, 0), noise
+        return GroundLook(SOIL, _SHADE, max(edge, 0), _SENSOR_NOISE, key)
 
     def _grow(self) -> None:
         """Work out the strip's own plants and the tool's marks."""
