@@ -54,11 +54,13 @@ class MeshLibrary:
 
     Attributes:
         sources: the meshes as they were added.
+        largest: vertices of the largest one.
     """
 
     def __init__(self) -> None:
         """Start empty."""
         self.sources: list[Mesh] = []
+        self.largest = 0
         self._parts: list[tuple[Any, ...]] = []
         self._meshes: Meshes | None = None
 
@@ -71,6 +73,7 @@ class MeshLibrary:
             ValueError: the mesh has no face with an area.
         """
         self._parts.append(_welded(mesh))
+        self.largest = max(self.largest, len(self._parts[-1][0]))
         self.sources.append(mesh)
         self._meshes = None
         return len(self.sources) - 1

@@ -103,10 +103,11 @@ class Renderer:
         draw(self.library.meshes, things, 0, len(things.mesh), view, SUN, layers, True)
         shape = camera.height, camera.width
         rgb, depth, identity = np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32)
+        pose = pose_of(view)
         if ground is None:
             resolve(things, layers, SUN, camera.far_m, _WHITE, rgb, depth, identity)
         else:
-            height = float(pose_of(view).world_from_camera[2, 3])
+            height = float(pose.world_from_camera[2, 3])
             look = Ground(
                 level_colour(ground.colour),
                 height,
@@ -117,7 +118,7 @@ class Renderer:
                 stream(ground.seed),
             )
             resolve_ground(things, layers, SUN, camera.far_m, look, rgb, depth, identity)
-        return Look(Frame(rgb, depth, pose_of(view)), identity)
+        return Look(Frame(rgb, depth, pose), identity)
 
     def looks(
         self,
@@ -192,7 +193,7 @@ class Renderer:
         """Empty layers of a size, with room for everything."""
         meshes = self.library.meshes
         faces = int((meshes.first_face[things.mesh + 1] - meshes.first_face[things.mesh]).sum())
-        vertices = int(np.diff(meshes.first_vertex).max())
+        vertices = self.library.largest
         if faces > len(self._owner):
             self._owner, self._light = np.empty(2 * faces, np.int32), np.empty((2 * faces, 4))
         if vertices > len(self._shine):

@@ -25,6 +25,7 @@ import fieldgym
 from fieldgym.agents import act_single, make_policy, reference_policy
 from fieldgym.envs import env_ids
 from fieldgym.mechanisms import FiveBar, ThreePRRS, ThreeUPSRPU, TranslationalFiveBar
+from fieldgym.scripts.speed_scenes import picture_scenes
 
 SAFFLOWER = "fieldgym/SafflowerPicking-v0"
 LASER = "fieldgym/LaserWeeding-v0"
@@ -256,6 +257,15 @@ def front_camera() -> None:
         env.close()
 
 
+def pictures(quick: bool) -> None:
+    """Frames of every camera and pictures for people, each beside PyBullet's software renderer on the same scene."""
+    for name, target_ms, draw, tiny in picture_scenes():
+        own_s = best_of(draw, 7 if quick else 31)
+        theirs_s = best_of(tiny, 2 if quick else 5)
+        note = f"target {target_ms:g} ms; PyBullet {1e3 * theirs_s:.1f} ms, {theirs_s / own_s:.0f} times as long"
+        LINES.append((name, f"{1e3 * own_s:.2f} ms", note))
+
+
 def tracking() -> None:
     """Tracking and closure on the fastest motion that the task commands."""
     from fieldgym.simulation.picker import measure_tracking
@@ -283,6 +293,7 @@ def main() -> None:
             ("decisions", lambda: decisions(quick)),
             ("camera frames", camera_frames),
             ("the weeders' front camera", front_camera),
+            ("pictures", lambda: pictures(quick)),
             ("tracking", tracking),
         ):
             status.update(f"measuring: {name}")

@@ -95,9 +95,10 @@ class Stage:
         things = self.things(*groups)
         if engine == "tiny":
             # PyBullet loads where it is asked for.
-            from .tiny import look
+            from .tiny import TinyWorld
 
-            return look(self.library, things, camera, eye, target, up)
+            with TinyWorld(self.library, things) as world:
+                return world.look(camera, eye, target, up)
         return self._renderer.look(things, camera, eye, target, up, ground)
 
     def picture(self, camera: Camera, eye: ArrayLike, target: ArrayLike, about: ArrayLike) -> NDArray[np.uint8]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import TracebackType
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
@@ -14,12 +16,25 @@ from ..rendering.renderer import SUN, Look
 from .client import PhysicsClient, pybullet
 
 
-def look(
-    library: MeshLibrary, things: Instances, camera: Camera, eye: ArrayLike, target: ArrayLike, up: ArrayLike
-) -> Look:
-    """What a camera sees of instances; the same as ``Renderer.look`` but for ties, edges and rounding."""
-    with PhysicsClient() as client:
-        bodies = _bodies(client, library, things)
+class TinyWorld:
+    """Instances as PyBullet's bodies. Usable as a context manager."""
+
+    def __init__(self, library: MeshLibrary, things: Instances):
+        """Make a body of each instance; takes longer than a picture."""
+        self._things = things
+        self._client = PhysicsClient()
+        self._bodies = _bodies(self._client, library, things)
+
+    def look(self, camera: Camera, eye: ArrayLike, target: ArrayLike, up: ArrayLike, shadow: bool = False) -> Look:
+        """What a camera sees; the same as ``Renderer.look`` but for ties, edges and rounding.
+
+        Args:
+            camera: its size and opening.
+            eye: (3,), metres.
+            target: (3,), metres.
+            up: (3,), direction.
+            shadow: draw shadows, wrong ones where the scene is large.
+        """
         points = [[float(v) for v in np.asarray(point)] for point in (eye, target, up)]
         opening = np.rad2deg(camera.field_of_view_rad)
         _, _, rgba, buffer, seen = pybullet.getCameraImage(
@@ -27,23 +42,33 @@ def look(
             camera.height,
             pybullet.computeViewMatrix(*points),
             pybullet.computeProjectionMatrixFOV(opening, camera.width / camera.height, camera.near_m, camera.far_m),
-            shadow=0,
+            shadow=int(shadow),
             lightDirection=(SUN.towards / SUN.towards[2] * 1.6).tolist(),
             lightColor=SUN.colour.tolist(),
             lightAmbientCoeff=SUN.ambient,
             lightDiffuseCoeff=SUN.diffuse,
             lightSpecularCoeff=SUN.specular,
             renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=client.id,
+            physicsClientId=self._client.id,
         )
-    shape = camera.height, camera.width
-    rgb = np.asarray(rgba, np.uint8).reshape(*shape, 4)[..., :3].copy()
-    buffer = np.asarray(buffer, np.float64).reshape(shape)
-    depth = camera.far_m * camera.near_m / (camera.far_m - (camera.far_m - camera.near_m) * buffer)
-    identity = np.full(max(bodies, default=0) + 2, -1, np.int32)
-    identity[list(bodies)] = things.identity[list(bodies.values())]
-    pose = pose_of(view_of(camera, eye, target, up))
-    return Look(Frame(rgb, depth.astype(np.float32), pose), identity[np.asarray(seen).reshape(shape)])
+        shape = camera.height, camera.width
+        rgb = np.asarray(rgba, np.uint8).reshape(*shape, 4)[..., :3].copy()
+        buffer = np.asarray(buffer, np.float64).reshape(shape)
+        depth = camera.far_m * camera.near_m / (camera.far_m - (camera.far_m - camera.near_m) * buffer)
+        identity = np.full(max(self._bodies, default=0) + 2, -1, np.int32)
+        identity[list(self._bodies)] = self._things.identity[list(self._bodies.values())]
+        frame = Frame(rgb, depth.astype(np.float32), pose_of(view_of(camera, eye, target, up)))
+        return Look(frame, identity[np.asarray(seen).reshape(shape)])
+
+    def __enter__(self) -> TinyWorld:
+        """Return the world itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it."""
+        self._client.close()
 
 
 def _bodies(client: PhysicsClient, library: MeshLibrary, things: Instances) -> dict[int, int]:
