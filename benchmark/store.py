@@ -1,4 +1,7 @@
-"""Where results live: one line of JSON an episode, safe against being stopped at any moment, beside a manifest."""
+"""Where results live: one line of JSON an episode, safe against being stopped at any moment, beside a manifest.
+
+Everything that reads results reads them with ``read`` and ``read_manifest``, which tell what is damaged.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,17 @@ import json
 import os
 import platform
 import time
+import warnings
 from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from .record import Record, condition, field_of, identity, key, states
+from ..kernels.files import flush, read_file, replace_file
+from ..kernels.locks import FolderBusyError, FolderLock
+from .record import Record, condition, field_of, identity, key, states, untimed
+from .schema import parsed, parsed_manifest
 from .suites import BOUND, Episode, Suite
 
 EPISODES = "episodes.jsonl"
@@ -22,6 +29,11 @@ MANIFEST = "manifest.json"
 FORMAT = 2
 PACKAGES = ("gymnasium", "numba", "numpy", "opencv-python-headless", "pybullet", "scipy")
 """Installed packages that can move a result."""
+
+MOST_BYTES = 2**31
+"""Largest file of results that is read: more than a million episodes."""
+MOST_TOLD = 5
+"""Damaged lines of a file that are told one by one before the rest is only counted."""
 
 MUST_AGREE = ("format", "suite", "fieldgym", "source", "packages")
 """Manifest entries that have to be equal before episodes may be added to a folder."""
@@ -49,7 +61,7 @@ def manifest(suite: Suite) -> dict[str, Any]:
 def _processor() -> str:
     """Name of the processor where the system tells it."""
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text("utf-8", "replace").splitlines()
     except OSError:
         return ""
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
@@ -93,11 +105,12 @@ class Results:
         """Open a folder to add episodes and bounds to it.
 
         Without ``resume``, what lies there is kept as ``episodes.previous.jsonl`` and ``bounds.previous.jsonl``. With
-        it, results of a policy, scenario or field that ``wanted`` has in another state are left out.
+        it, results of a policy, scenario or field that ``wanted`` has in another state are left out, and damaged lines
+        too; a file that held some is kept as ``episodes.damaged.jsonl``. The folder is held until ``close``.
 
         Raises:
-            ResultsError: the folder cannot be written, or its results come from another version, suite or state of
-                the code.
+            ResultsError: the folder cannot be written, another run writes into it, or its results come from another
+                version, suite or state of the code.
         """
         self.folder = folder
         self.records: list[Record] = []
@@ -107,32 +120,48 @@ class Results:
         for episode in wanted:
             now |= states(identity(episode))
         self._files: dict[str, int] = {}
+        self._lock: FolderLock | None = None
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            there = [name for name in (EPISODES, BOUNDS) if _filled(folder / name)]
-            if there and resume:
-                self._check_manifest(manifest_now)
-            for name in there:
-                path = folder / name
-                if resume:
-                    kept = self._list(name)
-                    there_before = [record for record in read(path) if "error" not in record]
-                    kept += [record for record in there_before if _as_now(record, now)]
-                    self.outdated += len(there_before) - len(kept)
-                    write_atomically(path, "".join(json.dumps(record) + "\n" for record in kept))
-                else:
-                    os.replace(path, path.with_suffix(".previous.jsonl"))
-            if there and not resume:
-                for summary in folder.glob("summary.*"):
-                    summary.unlink()
-            write_atomically(folder / MANIFEST, json.dumps(manifest_now, indent=2) + "\n")
-            for name in (EPISODES, BOUNDS):
-                self._files[name] = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+            self._lock = FolderLock(folder)
+            self._open(manifest_now, resume, now)
+        except FolderBusyError as error:
+            raise ResultsError(str(error)) from None
         except OSError as error:
+            self.close()
             reason = error.strerror or str(error)
             raise ResultsError(
                 f"cannot write results to {folder} ({reason}): choose another folder with --out"
             ) from error
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, manifest_now: dict[str, Any], resume: bool, now: Mapping[tuple[str, ...], str]) -> None:
+        folder = self.folder
+        there = [name for name in (EPISODES, BOUNDS) if _filled(folder / name)]
+        if there and resume:
+            self._check_manifest(manifest_now)
+        for name in there:
+            path = folder / name
+            if resume:
+                kept = self._list(name)
+                found, damaged = _read(path)
+                if damaged:
+                    replace_file(path.with_suffix(".damaged.jsonl"), read_file(path, MOST_BYTES))
+                there_before = [record for record in found if "error" not in record]
+                kept += [record for record in there_before if _as_now(record, now)]
+                self.outdated += len(there_before) - len(kept)
+                replace_file(path, "".join(json.dumps(record) + "\n" for record in kept))
+            else:
+                os.replace(path, path.with_suffix(".previous.jsonl"))
+        if there and not resume:
+            for summary in folder.glob("summary.*"):
+                summary.unlink()
+        replace_file(folder / MANIFEST, json.dumps(manifest_now, indent=2) + "\n")
+        for name in (EPISODES, BOUNDS):
+            self._files[name] = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        flush(folder)
 
     def _list(self, name: str) -> list[Record]:
         return self.bounds if name == BOUNDS else self.records
@@ -141,9 +170,13 @@ class Results:
         path = self.folder / MANIFEST
         fresh = f"start over without --resume, or write elsewhere with --out (the old ones lie in {self.folder})"
         try:
-            before = json.loads(path.read_text())
-        except (OSError, ValueError):
-            raise ResultsError(f"cannot resume: {path} is missing or damaged; {fresh}") from None
+            before = read_manifest(self.folder)
+        except FileNotFoundError:
+            raise ResultsError(f"cannot resume: {path} is missing; {fresh}") from None
+        except OSError as error:
+            raise ResultsError(f"cannot resume: {path} cannot be read ({error.strerror}); {fresh}") from None
+        except ValueError as error:
+            raise ResultsError(f"cannot resume: {path} is damaged ({error}); {fresh}") from None
         for name in MUST_AGREE:
             if before.get(name) != now[name]:
                 old, new = _differing(before.get(name), now[name])
@@ -171,9 +204,11 @@ class Results:
         self._list(name).append(record)
 
     def close(self) -> None:
-        """Close the files; further calls do nothing."""
+        """Close the files and let go of the folder; further calls do nothing."""
         while self._files:
             os.close(self._files.popitem()[1])
+        if self._lock is not None:
+            self._lock.release()
 
 
 def _as_now(record: Record, now: Mapping[tuple[str, ...], str]) -> bool:
@@ -195,41 +230,59 @@ def _differing(before: Any, now: Any) -> tuple[str, str]:
 
 
 def read(path: Path) -> list[Record]:
-    """The records of a file of JSON lines; a last line without its line break, torn by a kill, is left out.
+    """The records of a file of JSON lines, each episode once; what is damaged is left out and told in a warning a line.
 
     Raises:
-        ResultsError: another line is no record.
+        OSError: there is no such file, or it cannot be read.
     """
-    *lines, _ = path.read_bytes().split(b"\n")
-    records = []
-    for number, line in enumerate(lines, start=1):
+    return _read(path)[0]
+
+
+def _read(path: Path) -> tuple[list[Record], bool]:
+    """The same, and whether a line was damaged otherwise than by a kill, which tears the last one."""
+    *lines, last = read_file(path, MOST_BYTES).split(b"\n")
+    records, faults, torn = [], [], False
+    first: dict[tuple[Any, ...], tuple[int, Record]] = {}
+    for number, line in enumerate([*lines, last], start=1):
+        if number > len(lines) and not line:
+            break
         try:
-            record = json.loads(line)
-            key(record)
-        except (ValueError, KeyError, TypeError):
-            raise ResultsError(f"{path}, line {number} is damaged: delete that line and go on with --resume") from None
+            record = parsed(line, path.name.startswith(Path(BOUNDS).stem))
+        except ValueError as error:
+            torn = number > len(lines)
+            faults.append(f"{path}, line {number} is left out: {'it is torn' if torn else error}")
+            continue
+        if "error" not in record:
+            before, same = first.setdefault(key(record), (number, record))
+            if same is not record:
+                other = "" if untimed(same) == untimed(record) else " with another result"
+                faults.append(f"{path}, line {number} is left out: it repeats line {before}{other}")
+                continue
         records.append(record)
-    return records
+    for fault in faults[:MOST_TOLD]:
+        warnings.warn(fault, stacklevel=3)
+    if len(faults) > MOST_TOLD:
+        warnings.warn(f"{path}: {len(faults) - MOST_TOLD} more lines are left out", stacklevel=3)
+    return records, len(faults) > torn
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What identifies the code and the machine behind the results in a folder.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is damaged; the message says how.
+    """
+    return parsed_manifest(read_file(folder / MANIFEST, MOST_BYTES))
 
 
 def load(folder: Path) -> list[Record]:
     """The finished episodes in a folder, each with its instance's ``bound`` where there is one.
 
     Raises:
-        ResultsError: a line is damaged.
         OSError: the folder holds no episodes.
     """
     records = [record for record in read(folder / EPISODES) if "error" not in record]
     bounds = read(folder / BOUNDS) if (folder / BOUNDS).exists() else []
     found = {(condition(record), field_of(record)): record["bound"] for record in bounds if "error" not in record}
     return [{**record, "bound": found.get((condition(record), field_of(record)))} for record in records]
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Write ``text`` so that ``path`` holds the old or the new content, never a part of it."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(text)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)

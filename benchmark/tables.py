@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..kernels.files import replace_file
 from .statistics import FEWEST_PAIRS, Difference, Estimate
-from .store import write_atomically
 from .suites import BOUND, Condition
 from .summary import Row, summarise
 from .thinking import CHARGED
@@ -283,5 +283,5 @@ def write(rows: Sequence[Row], folder: Path, name: str = "summary") -> list[Path
     texts = {"csv": comma_separated(rows), "md": markdown(rows), "json": as_json(rows)}
     paths = [folder / f"{name}.{suffix}" for suffix in texts]
     for path, text in zip(paths, texts.values(), strict=True):
-        write_atomically(path, text)
+        replace_file(path, text)
     return paths

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from os import PathLike
 from pathlib import Path
 
+from ..kernels.files import replace_file
 from .field import Field, FieldError, FieldT
 from .field_csv import csv_content, csv_text
 from .field_geojson import geojson_content, geojson_text
@@ -82,16 +82,8 @@ def write_field(field: Field, path: str | PathLike[str]) -> None:
         raise FieldError(f"{file}: fields are written as .csv or .geojson: give one of these endings")
     field.check()
     text = _TEXT[target.suffix.lower()](field)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
-        try:
-            with open(temporary, "w", encoding="utf-8", newline="") as stream:
-                stream.write(text)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.replace(temporary, target)
-        finally:
-            temporary.unlink(missing_ok=True)
+        replace_file(target, text)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise FieldError(f"{file}: cannot be written ({reason})") from None

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import ceil, sqrt
 from os import PathLike
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.files import replaced
 from .field import Field, Table
 
 WIDTH_IN = 12.0
@@ -75,7 +77,8 @@ def picture(field: Field, path: str | PathLike[str], title: str = "", window: Wi
             figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 6), frameon=False)
         counts = ", ".join(f"{len(table)} {kind}" for kind, table in field.tables())
         figure.suptitle(f"{title or field.task}: {counts}", color=INK, fontsize=11)
-        figure.savefig(path, dpi=110)
+        with replaced(Path(path)) as drawn:
+            figure.savefig(drawn, dpi=110)
 
 
 def _groups(field: Field) -> list[_Group]:

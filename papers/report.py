@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import json
 import multiprocessing
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -15,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from ..kernels.files import replace_file, replaced
 from .findings import Chapter, Figure, Finding, Verdict
 
 CHAPTERS = ("laser", "prrs", "safflower", "transplanting")
@@ -110,9 +110,9 @@ def reproduce(
                 if on_done:
                     on_done(result)
     results = [done[key] for key in keys]
-    _write(out / "findings.json", to_json(results))
-    _write(out / "index.md", to_markdown(results))
-    _write(out / "index.html", to_html(results))
+    replace_file(out / "findings.json", to_json(results))
+    replace_file(out / "index.md", to_markdown(results))
+    replace_file(out / "index.html", to_html(results))
     return results
 
 
@@ -215,10 +215,9 @@ def _draw(figure: Figure, key: str, out: Path) -> FigureFile:
         names = {}
         for ending in ("svg", "png"):
             target = folder / f"{key}-{figure.stem}.{ending}"
-            partial = target.with_name(f".{target.name}.{os.getpid()}.part")
             metadata = {"Date": None} if ending == "svg" else {"Software": None}
-            canvas.savefig(partial, format=ending, dpi=140, metadata=metadata)
-            partial.replace(target)
+            with replaced(target) as partial:
+                canvas.savefig(partial, format=ending, dpi=140, metadata=metadata)
             names[ending] = target.relative_to(out).as_posix()
     shown = names["svg"] if (out / names["svg"]).stat().st_size < _LARGE_SVG_BYTES else names["png"]
     return FigureFile(figure.stem, figure.caption, names["svg"], names["png"], shown)
@@ -261,12 +260,6 @@ def _cell(text: str) -> str:
 def _anchor(title: str) -> str:
     kept = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
     return kept.replace(" ", "-")
-
-
-def _write(path: Path, text: str) -> None:
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
 
 
 _INTRODUCTION = (

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from fieldgym.kernels.files import replace_file
 from fieldgym.simulation.hoe_model import HoeParameters
 from fieldgym.simulation.picker_model import picker_assets
 from fieldgym.simulation.sorter_model import SorterParameters
@@ -38,9 +39,7 @@ def write_assets(folder: Path = ASSETS) -> list[str]:
     for name in stale:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        draft = path.with_name(path.name + ".new")
-        draft.write_text(generated_assets()[name], encoding="utf-8")
-        draft.replace(path)
+        replace_file(path, generated_assets()[name])
     return stale
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from functools import partial
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from rich.table import Table
 
 from fieldgym.envs.safflower.calibration import FIRST_SEED, PUBLISHED, measure
 from fieldgym.envs.safflower.config import SCENARIOS, STAGES
+from fieldgym.kernels.files import replace_file
 
 
 def main() -> None:
@@ -55,10 +55,8 @@ def main() -> None:
         "published field figures; what is left is occlusion, touching heads and the detector itself."
     )
     data = {"stages": STAGES, "first_seed": FIRST_SEED, "published": PUBLISHED, "scenarios": fits}
-    temporary = options.out.with_suffix(".tmp")
     options.out.parent.mkdir(parents=True, exist_ok=True)
-    temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-    os.replace(temporary, options.out)
+    replace_file(options.out, json.dumps(data, indent=1) + "\n")
     console.print(f"written: {options.out}")
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from fieldgym.envs.sorting.calibration import measure
 from fieldgym.envs.sorting.config import GRADES
+from fieldgym.kernels.files import replace_file
 
 
 def main() -> None:
@@ -26,9 +27,7 @@ def main() -> None:
         parser.error("--frames must be at least 1")
     result = measure(options.frames)
     text = json.dumps(result, indent=2) + "\n"
-    draft = options.out.with_name(options.out.name + ".new")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(options.out)
+    replace_file(options.out, text)
     print(text, end="")
     print(f"grades: {', '.join(GRADES)}; wrote {options.out}")
 

@@ -23,6 +23,7 @@ from rich.table import Table
 
 from fieldgym.envs.transplanting.calibration import FIT_SEED, MEASURE_SEED, collect, confusion, fit, shares
 from fieldgym.envs.transplanting.config import REPORTS
+from fieldgym.kernels.files import replace_file
 from fieldgym.perception.trays import TraySettings
 
 TARGET_FILE = Path(__file__).resolve().parent.parent / "assets" / "perception" / "transplanting.json"
@@ -53,9 +54,7 @@ def main() -> None:
             table.add_row(name, *(f"{count} ({100 * share:.2f} %)" for count, share in zip(line, rate, strict=True)))
         console.print(table)
     if options.write:
-        draft = TARGET_FILE.with_name(TARGET_FILE.name + ".new")
-        draft.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-        draft.replace(TARGET_FILE)
+        replace_file(TARGET_FILE, json.dumps(data, indent=2) + "\n")
         console.print(f"wrote {TARGET_FILE}")
 
 

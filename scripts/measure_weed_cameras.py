@@ -24,6 +24,7 @@ from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.tools.laser.calibration import STRIPS, fit, measure, summary
 from fieldgym.envs.weeding.view import FRAME_EVERY_M
+from fieldgym.kernels.files import replace_file
 
 FIRST_COMPARED = 950_000
 OUTPUT = Path(__file__).resolve().parent.parent / "assets" / "perception" / "weeding.json"
@@ -87,9 +88,7 @@ def write(model: dict[str, Any], measured: dict[str, Any]) -> None:
     text = f'{{\n "comment": {json.dumps(comment)},\n "model": {{\n{fields}\n }},\n'
     text += f' "measured": {json.dumps(measured, indent=1)}\n}}\n'
     json.loads(text)
-    draft = OUTPUT.with_suffix(".new")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(OUTPUT)
+    replace_file(OUTPUT, text)
     print(f"wrote {OUTPUT}")
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from fieldgym.kernels.files import replace_file
 from fieldgym.scripts.common import CommandError, execute
 
 
@@ -43,7 +44,7 @@ def main(
     for path, text in texts.items():
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            store.write_atomically(path, text)
+            replace_file(path, text)
         except OSError as error:
             raise CommandError(f"cannot write {path} ({error.strerror}): choose another place") from None
         typer.echo(f"Written: {path} ({len(text.encode()) / 1e6:.1f} MB)")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fieldgym.kernels.files import replaced
 from fieldgym.scripts.common import (
     CommandError,
     Fields,
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from fieldgym.agents import Policy
 
 FRAMES_PER_SECOND = 30
+MOST_SPEED = 1000.0
 MOST_COLUMNS = 4
 
 
@@ -81,8 +82,8 @@ def main(
     env_id = environment_id(env)
     source = policy_of(env_id, policy or reference_policy(env_id), trust)
     seeds = seeds_of(seed, episodes, fields, 1)
-    if not speed > 0.0:
-        raise CommandError(f"--speed {speed}: give a positive factor, 1 is real time")
+    if not 0.0 < speed <= MOST_SPEED:
+        raise CommandError(f"--speed {speed}: give a factor above 0 and up to {MOST_SPEED:g}, 1 is real time")
     condition = condition_of(env_id, scenario, backend, perception, sets or (), fields)
     options: dict[str, Any] = {"backend": condition.backend, **condition.settings}
     files = fields_of(condition, seed)
@@ -160,17 +161,14 @@ def _filming(env: gym.Env[Any, Any], path: Path | None, speed: float) -> Iterato
         return
     import imageio.v2
 
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.mp4")
-    writer = imageio.v2.get_writer(temporary, fps=FRAMES_PER_SECOND, macro_block_size=2)
     record: Callable[..., None] = getattr(env.unwrapped, "record")  # noqa: B009
-    try:
-        record(writer.append_data, FRAMES_PER_SECOND / speed)
-        yield
-        writer.close()
-        os.replace(temporary, path)
-    finally:
-        writer.close()
-        temporary.unlink(missing_ok=True)
+    with replaced(path) as temporary:
+        writer = imageio.v2.get_writer(temporary, fps=FRAMES_PER_SECOND, macro_block_size=2)
+        try:
+            record(writer.append_data, FRAMES_PER_SECOND / speed)
+            yield
+        finally:
+            writer.close()
 
 
 def _print_scorecards(console: Console, scorecards: dict[str, dict[str, float]]) -> None:

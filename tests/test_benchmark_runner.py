@@ -126,19 +126,25 @@ def test_a_torn_last_line_runs_again(tmp_path: Path):
     whole = path.read_bytes()
     path.write_bytes(whole[:-20])
     count = Counting()
-    runner.run_suite(small_suite(), tmp_path, resume=True, run=count)
+    with pytest.warns(UserWarning, match=r"episodes.jsonl, line 8 is left out: it is torn$"):
+        runner.run_suite(small_suite(), tmp_path, resume=True, run=count)
+    assert not (tmp_path / "episodes.damaged.jsonl").exists()
     assert count.ran == [("second", 3)]
     assert sorted(path.read_bytes().splitlines()) == sorted(whole.splitlines())
 
 
-def test_a_damaged_line_is_named(tmp_path: Path):
+def test_a_damaged_line_is_named_kept_aside_and_runs_again(tmp_path: Path):
     runner.run_suite(small_suite(), tmp_path, run=Counting())
     path = tmp_path / store.EPISODES
-    lines = path.read_text().splitlines()
-    lines[2] = lines[2][:30]
-    path.write_text("\n".join(lines) + "\n")
-    with pytest.raises(store.ResultsError, match="line 3 is damaged"):
-        runner.run_suite(small_suite(), tmp_path, resume=True, run=Counting())
+    lines = path.read_text("utf-8").splitlines()
+    whole, lines[2] = lines[2], lines[2][:30]
+    path.write_text(damaged := "\n".join(lines) + "\n", "utf-8")
+    count = Counting()
+    with pytest.warns(UserWarning, match=r"episodes.jsonl, line 3 is left out: it is no JSON$"):
+        runner.run_suite(small_suite(), tmp_path, resume=True, run=count)
+    assert count.ran == [("first", 1)]
+    assert whole in path.read_text("utf-8").splitlines()
+    assert (tmp_path / "episodes.damaged.jsonl").read_text("utf-8") == damaged
 
 
 def test_a_failing_episode_is_reported_and_loses_no_other(tmp_path: Path):
@@ -176,7 +182,7 @@ def test_results_of_another_state_are_not_continued(tmp_path: Path, entry: str, 
 def test_a_missing_manifest_is_told(tmp_path: Path):
     runner.run_suite(small_suite(), tmp_path, run=Counting())
     (tmp_path / store.MANIFEST).unlink()
-    with pytest.raises(store.ResultsError, match="missing or damaged"):
+    with pytest.raises(store.ResultsError, match="manifest.json is missing"):
         runner.run_suite(small_suite(), tmp_path, resume=True, run=Counting())
 
 

@@ -8,13 +8,13 @@ it can run.
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from ...kernels.files import replaced
 from .runs import CheckpointError
 from .sb3 import NativeVecEnv
 
@@ -55,15 +55,8 @@ def write(path: Path, model: Any, env: NativeVecEnv, run: dict[str, Any]) -> Non
             }
         ),
     }
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            torch.save(state, file)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replaced(path) as temporary:
+        torch.save(state, temporary)
 
 
 def read(path: Path) -> dict[str, Any]:

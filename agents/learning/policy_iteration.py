@@ -21,6 +21,7 @@ from stable_baselines3.common.logger import configure
 
 from ...envs.sorting.columns import CANDIDATE, candidate_table
 from ...envs.task import task
+from ...kernels.files import replace_file
 from ..evaluation import evaluate, mean
 from ..policies.base import Actions, Observation, Policy
 from ..policies.sorting import time_left_s
@@ -28,7 +29,6 @@ from ..policies.sorting_value import ValueWeights, describe_all, elapsed_s, gain
 from ..policies.value_weights import GAINS, SHAPES, VALUE
 from ..registry import make_policy
 from ..rollout import batch_decisions
-from .portable import replace_file
 from .runs import BEST, CheckpointError, Journal, Progress, Result, first_training_seed
 from .train_settings import TrainSettings, algorithms
 
@@ -141,7 +141,7 @@ class _Run:
         progress.updates += 1
         progress.other_s += record.lap()
         state = {"run": record.text(), **{name: values.tolist() for name, values in self.weights.items()}}
-        replace_file(record.folder / STATE, json.dumps(state).encode())
+        replace_file(record.folder / STATE, json.dumps(state))
         progress.other_s += record.lap()
 
     def restore(self) -> None:

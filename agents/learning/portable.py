@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import zipfile
 from collections.abc import Callable, Mapping
 from importlib import resources
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...envs.task import resolved
+from ...kernels.files import read_file, replace_file
 from ..policies.network import FORMAT as NETWORK
 from ..policies.network import NetworkPolicy
 from ..policies.value_weights import FORMAT as SORTING_VALUE
@@ -84,7 +84,7 @@ def save(path: Path, policy: Portable, card: Mapping[str, Any] | None = None) ->
         policy.head | dict(policy.card if card is None else card) | policy.head, indent=2, allow_nan=False
     )
     replace_file(path, buffer.getvalue())
-    replace_file(path.with_suffix(".json"), (text + "\n").encode())
+    replace_file(path.with_suffix(".json"), text + "\n")
 
 
 def load(path: Path, name: str = LEARNED) -> Portable:
@@ -141,9 +141,7 @@ def task_digest(env: Any) -> str:
 
 def _read_card(path: Path) -> dict[str, Any]:
     try:
-        if path.stat().st_size > MOST_CARD_BYTES:
-            raise PolicyFileError(f"{path} has {path.stat().st_size} bytes, at most {MOST_CARD_BYTES} are read")
-        text = path.read_bytes()
+        text = read_file(path, MOST_CARD_BYTES)
     except OSError as error:
         raise PolicyFileError(f"cannot read {path} ({error.strerror}): a policy is NAME.npz with NAME.json") from None
     try:
@@ -158,14 +156,13 @@ def _read_card(path: Path) -> dict[str, Any]:
 
 def _read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
     try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise PolicyFileError(f"it has {size} bytes, at most {MOST_BYTES} are read")
-        with zipfile.ZipFile(path) as archive:
+        data = io.BytesIO(read_file(path, MOST_BYTES))
+        with zipfile.ZipFile(data) as archive:
             unpacked = sum(item.file_size for item in archive.infolist())
             if unpacked > MOST_BYTES:
                 raise PolicyFileError(f"it unpacks to {unpacked} bytes, at most {MOST_BYTES} are read")
-        with np.load(path, allow_pickle=False) as arrays:
+        data.seek(0)
+        with np.load(data, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in list(arrays)}
     except PolicyFileError:
         raise
@@ -173,13 +170,3 @@ def _read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
         raise PolicyFileError(f"cannot be read ({error.strerror or error})") from None
     except Exception as error:  # NumPy and zipfile raise many kinds for damaged files, pickled objects among them.
         raise PolicyFileError(f"damaged, or no file of plain arrays ({error})") from None
-
-
-def replace_file(path: Path, data: bytes) -> None:
-    """Write a file to a temporary name, then rename it."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_bytes(data)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ... import __version__
+from ...kernels.files import replace_file
 from ..evaluation import Scores, evaluate, mean
-from .portable import Portable, replace_file, save, task_digest
+from .portable import Portable, save, task_digest
 from .train_settings import TrainSettings
 
 TRAINING_SEEDS = 1_000_000_000
@@ -202,7 +203,7 @@ class Journal:
         }
         for name in names:
             save(self.folder / name, policy, card)
-        replace_file(self.folder / CURVE, (json.dumps(self.curve, indent=1) + "\n").encode())
+        replace_file(self.folder / CURVE, json.dumps(self.curve, indent=1) + "\n")
 
 
 def _point(scores: Scores) -> dict[str, float]:

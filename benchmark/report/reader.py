@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ from ...envs.task import TaskSpec
 from ..limits import CURVE_SHARES, limits
 from ..record import Record, condition, field_of
 from ..statistics import Difference, mean, paired_difference
-from ..store import BOUNDS, EPISODES, MANIFEST, ResultsError, read
+from ..store import BOUNDS, EPISODES, MANIFEST, ResultsError, read, read_manifest
 from ..suites import BOUND, Case, Condition
 from ..summary import Row, summarise
 from .episodes import Curve, Timeline, chosen_timelines, mean_curve
@@ -182,10 +182,11 @@ def _task(env_id: str) -> TaskSpec | None:
 
 def _manifest(folder: Path) -> Mapping[str, Any]:
     try:
-        found = json.loads((folder / MANIFEST).read_text())
-    except (OSError, ValueError):
+        return read_manifest(folder)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        warnings.warn(f"{folder / MANIFEST} is left out: {reason}", stacklevel=2)
         return {}
-    return found if isinstance(found, dict) else {}
 
 
 def _case(group: Condition, members: Sequence[Record]) -> Case:

@@ -5,7 +5,6 @@ Run: ``python docs/drawings/motion.py [FOLDER]``.
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +15,7 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from fieldgym.kernels.files import replaced
 from fieldgym.motion import MODIFIED_TRAPEZOID, QUINTIC, SEPTIC, Gate, SCurve, minimum_time, rounded
 
 FOLDER = Path(__file__).resolve().parents[1]
@@ -78,9 +78,8 @@ def main(folder: Path = FOLDER) -> None:
             canvas = Figure(figsize=size, layout="constrained")
             FigureCanvasAgg(canvas)
             draw(canvas)
-            partial = folder / f".{name}.svg.{os.getpid()}.part"
-            canvas.savefig(partial, format="svg", metadata={"Date": None})
-        partial.replace(folder / f"{name}.svg")
+            with replaced(folder / f"{name}.svg") as partial:
+                canvas.savefig(partial, format="svg", metadata={"Date": None})
 
 
 if __name__ == "__main__":

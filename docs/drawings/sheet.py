@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +9,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+from fieldgym.kernels.files import replaced
 
 
 def drawn(draw: Callable[[Axes], None], target: Path, size_inches: tuple[float, float]) -> None:
@@ -22,6 +23,5 @@ def drawn(draw: Callable[[Axes], None], target: Path, size_inches: tuple[float, 
         axes.axis("off")
         draw(axes)
         axes.autoscale_view()
-        partial = target.with_name(f".{target.name}.{os.getpid()}.part")
-        canvas.savefig(partial, format="svg", metadata={"Date": None})
-    partial.replace(target)
+        with replaced(target) as partial:
+            canvas.savefig(partial, format="svg", metadata={"Date": None})

@@ -5,7 +5,6 @@ Run: ``python docs/drawings/three_ups_rpu.py [TARGET]``.
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from fieldgym.kernels.files import replaced
 from fieldgym.mechanisms import ThreeUPSRPU
 
 TARGET = Path(__file__).resolve().parents[1] / "mechanisms" / "three-ups-rpu.svg"
@@ -108,10 +108,8 @@ def draw() -> Figure:
 def main() -> None:
     """Write the drawing; the same input gives the same file."""
     target = Path(sys.argv[1]) if len(sys.argv) > 1 else TARGET
-    partial = target.with_name(f".{target.name}.{os.getpid()}.part")
-    with rc_context({"svg.hashsalt": "fieldgym", "font.size": 10}):
+    with rc_context({"svg.hashsalt": "fieldgym", "font.size": 10}), replaced(target) as partial:
         draw().savefig(partial, format=target.suffix[1:], metadata={"Date": None} if target.suffix == ".svg" else None)
-    partial.replace(target)
 
 
 if __name__ == "__main__":
