@@ -182,7 +182,7 @@ def test_results_of_another_state_are_not_continued(tmp_path: Path, entry: str, 
 def test_a_missing_manifest_is_told(tmp_path: Path):
     runner.run_suite(small_suite(), tmp_path, run=Counting())
     (tmp_path / store.MANIFEST).unlink()
-    with pytest.raises(store.ResultsError, match="manifest.json is missing"):
+    with pytest.raises(store.ResultsError, match=r"manifest\.json is missing"):
         runner.run_suite(small_suite(), tmp_path, resume=True, run=Counting())
 
 
