@@ -109,7 +109,6 @@ def _compared(record: Record, limit: Limit) -> Iterable[tuple[str, float, float]
         yield "net rate", card["net_rate"], limit.net_rate
     if limit.episode_return is not None and record["return"] is not None:
         yield "return", record["return"], limit.episode_return
-    cycle_s = card.get("cycle_time_s")
-    known = None not in (cycle_s, card.get("net_rate"), card.get("done", 1.0))
-    if known and card.get("done", 1.0) > 0.0 and not math.isnan(cycle_s):
-        yield "cycle time, negative,", -cycle_s, -limit.cycle_time_s(card["net_rate"])
+    cycle_s, rate, done = card.get("cycle_time_s"), card.get("net_rate"), card.get("done", 1.0)
+    if cycle_s is not None and rate is not None and done is not None and done > 0.0 and not math.isnan(cycle_s):
+        yield "cycle time, negative,", -cycle_s, -limit.cycle_time_s(rate)

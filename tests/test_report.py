@@ -68,7 +68,7 @@ def record(condition: Condition, policy: str, seed: int) -> Record:
     if seed > 0:
         del told["timeline"]
     return {
-        **vars(condition),
+        **{name: value for name, value in vars(condition).items() if value},
         "policy": policy,
         "seed": seed,
         "return": 3.0 + len(policy) + rng.uniform(),
@@ -94,7 +94,8 @@ def bound(condition: Condition, seed: int) -> Record:
         "gap": None,
         "curve": [[0.0, 6.0], [0.5, 7.5], [0.85, 9.0]],
     }
-    return {**vars(condition), "policy": BOUND, "seed": seed, "bound": values, "wall_s": 0.2}
+    told = {name: value for name, value in vars(condition).items() if value}
+    return {**told, "policy": BOUND, "seed": seed, "bound": values, "wall_s": 0.2}
 
 
 def write(folder: Path, records: list[Record], bounds: list[Record] = []) -> Path:  # noqa: B006

@@ -183,6 +183,8 @@ def _task(env_id: str) -> TaskSpec | None:
 def _manifest(folder: Path) -> Mapping[str, Any]:
     try:
         return read_manifest(folder)
+    except FileNotFoundError:
+        return {}
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         warnings.warn(f"{folder / MANIFEST} is left out: {reason}", stacklevel=2)
