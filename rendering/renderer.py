@@ -87,6 +87,8 @@ class Renderer:
         target: ArrayLike,
         up: ArrayLike,
         ground: GroundLook | None = None,
+        *,
+        identities: bool = True,
     ) -> Look:
         """What a camera sees.
 
@@ -97,12 +99,14 @@ class Renderer:
             target: (3,), what is in the middle of the picture.
             up: (3,), the direction of its top.
             ground: painted wherever nothing stands above the plane z = 0; nothing is added where it is left out.
+            identities: say whom the pixels show; it takes a part of the time.
         """
         view = view_of(camera, eye, target, up)
         layers = self._cleared(things, camera.width, camera.height)
         draw(self.library.meshes, things, 0, len(things.mesh), view, SUN, layers, True)
         shape = camera.height, camera.width
-        rgb, depth, identity = np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32)
+        rgb, depth = np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32)
+        identity = np.empty(shape if identities else (0, 0), np.int32)
         pose = pose_of(view)
         if ground is None:
             resolve(things, layers, SUN, camera.far_m, _WHITE, rgb, depth, identity)

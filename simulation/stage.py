@@ -68,7 +68,9 @@ class Stage:
         engine: Engine = "own",
     ) -> Frame:
         """What a camera sees of some groups, or of all; ``seen`` says whom its pixels show."""
-        return self.seen(camera, eye, target, up, *groups, ground=ground, engine=engine).frame
+        if engine == "tiny":
+            return self.seen(camera, eye, target, up, *groups, engine=engine).frame
+        return self._renderer.look(self.things(*groups), camera, eye, target, up, ground, identities=False).frame
 
     def seen(
         self,
