@@ -40,6 +40,10 @@ class Instances(NamedTuple):
             self.mesh[chosen], self.turn[chosen], self.shift[chosen], self.colour[chosen], self.identity[chosen]
         )
 
+    def moved(self, way_m: ArrayLike) -> Instances:
+        """The same, all shifted by a way (3,)."""
+        return self._replace(shift=snapped(self.shift + np.asarray(way_m, np.float64)))
+
 
 def instances(
     mesh: ArrayLike,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -211,9 +212,12 @@ class Renderer:
         return Layers(inverse, slot, self._owner, self._light, self._point, self._shine)
 
 
-def level_colour(colour: Sequence[float]) -> NDArray[np.uint8]:
-    """Colour (3,) that level ground of a colour in [0, 1] has in the light."""
+@cache
+def level_colour(colour: tuple[float, ...]) -> NDArray[np.uint8]:
+    """Colour (3,), not to be written to, that level ground of a colour in [0, 1] has in the light."""
     towards, base = SUN.towards, np.floor(255.0 * np.asarray(colour[:3]))
     mirrored = max(0.0, 2.0 * towards[2] - towards[2])
     shine = (towards[2] + SUN.specular * mirrored * mirrored / SUN.diffuse) * SUN.diffuse
-    return np.minimum(255.0, base * (SUN.ambient + shine * SUN.colour)).astype(np.uint8)
+    lit = np.minimum(255.0, base * (SUN.ambient + shine * SUN.colour)).astype(np.uint8)
+    lit.setflags(write=False)
+    return lit

@@ -202,11 +202,7 @@ class TrayScene:
         grown = self._rows(side)
         row = grown.identity // kind.columns
         along = (travel_m - offsets)[row]
-        shown = grown.where((along > low_m) & (along < high_m))
-        ahead = np.array([travel_m, 0.0, 0.0])
-        return joined([*parts, instances(shown.mesh, shown.shift + ahead, shown.turn)._replace(
-            colour=shown.colour, identity=shown.identity
-        )])  # fmt: skip
+        return joined([*parts, grown.where((along > low_m) & (along < high_m)).moved((travel_m, 0.0, 0.0))])
 
     def _rows(self, side: Side) -> Instances:
         """All plugs and plants of a line, with its first row presented; worked out anew when a cell has changed."""
