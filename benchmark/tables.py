@@ -119,6 +119,13 @@ LEGEND = (
 )
 
 
+def escaped(text: str) -> str:
+    """Text as Markdown shows it, in a table too: names come from whoever wrote the policy or the scenario."""
+    text = " ".join(text.split())
+    text = text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    return "".join(f"\\{letter}" if letter in "\\`|*[]" else letter for letter in text)
+
+
 def conditions(rows: Iterable[Row]) -> dict[Condition, list[Row]]:
     """Rows by condition, in order."""
     groups: dict[Condition, list[Row]] = {}
@@ -165,14 +172,14 @@ def markdown(rows: Iterable[Row]) -> str:
     rows = list(rows)
     parts = []
     for group, members in conditions(rows).items():
-        lines = [f"## {_title(group, members)}", ""]
+        lines = [f"## {escaped(_title(group, members))}", ""]
         for title, columns in MARKDOWN:
             shown = [row for row in members if any(column.cell(row)[0] != "-" for column in columns)]
             if shown:
                 lines += [*_grid(title, columns, shown), ""]
         policies = [row for row in members if row.policy != BOUND]
         parts.append("\n".join([*lines, LEGEND, "", *_phases(policies), ""]))
-    return "\n".join(["\n".join(["## In short", "", *(f"- {line}" for line in verdicts(rows)), ""]), *parts])
+    return "\n".join(["\n".join(["## In short", "", *(f"- {escaped(line)}" for line in verdicts(rows)), ""]), *parts])
 
 
 def _grid(title: str, columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
@@ -184,7 +191,8 @@ def _grid(title: str, columns: Sequence[Column], rows: Sequence[Row]) -> list[st
     for row in rows:
         texts = [column.cell(row) for column in columns]
         cells = [f"{value} ({interval})" if interval else value for value, interval in texts]
-        name = f"**{row.policy}**" if row.policy == row.reference else row.policy
+        name = escaped(row.policy)
+        name = f"**{name}**" if row.policy == row.reference else name
         lines.append(f"| {name} | {row.episodes} | " + " | ".join(cells) + " |")
     return lines
 
@@ -232,7 +240,9 @@ def _phases(rows: Sequence[Row]) -> list[str]:
     lines = ["| seconds a finished target | " + " | ".join(titles) + " |", "|---" * (len(names) + 1) + "|"]
     for row in rows:
         values = [row.scores[name].value if name in row.scores else math.nan for name in names]
-        lines.append(f"| {row.policy} | " + " | ".join(f"{v:.2f}" if math.isfinite(v) else "-" for v in values) + " |")
+        lines.append(
+            f"| {escaped(row.policy)} | " + " | ".join(f"{v:.2f}" if math.isfinite(v) else "-" for v in values) + " |"
+        )
     return lines
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import sys
@@ -249,12 +250,22 @@ def execute(app: typer.Typer, name: str) -> NoReturn:
     warnings.showwarning = lambda message, *_, **__: print(f"fieldgym: {message}", file=sys.stderr)
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())  # module:Name means a module that lies here, too
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a table with a question mark in it is better than none
     try:
         code = app(prog_name=name, standalone_mode=False)
+        sys.stdout.flush()
     except CommandError as error:
         sys.exit(_told(str(error), USAGE_ERROR))
     except (KeyboardInterrupt, typer.Abort):
         sys.exit(_told("stopped", INTERRUPTED))
+    except OSError as error:
+        if not output_fails():
+            raise
+        # What is left in the buffer would fail once more when Python ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(_told(f"cannot write to the standard output ({error.strerror})", USAGE_ERROR))
     except Exception as error:
         # Typer's usage errors share no public base class; they all can format themselves.
         describe = getattr(error, "format_message", None)
@@ -264,6 +275,15 @@ def execute(app: typer.Typer, name: str) -> NoReturn:
         path = context.command_path if context is not None else name
         sys.exit(_told(f"{' '.join(describe().split())} See: {path} --help", USAGE_ERROR))
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def output_fails() -> bool:
+    """Whether the standard output takes nothing more: then an error of writing was its own, not a folder's."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        return True
+    return False
 
 
 def _told(message: str, code: int) -> int:

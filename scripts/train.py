@@ -18,6 +18,7 @@ from fieldgym.scripts.common import (
     chosen,
     environment_id,
     execute,
+    output_fails,
     writable_folder,
 )
 
@@ -87,7 +88,10 @@ def main(
     except ValueError as error:
         raise CommandError(str(error)) from None
     name = env_id.split("/")[-1]
-    folder = writable_folder(out or Path("results/train") / f"{name}-{settings.scenario}-{seed}", "--out")
+    folder = out or Path("results/train") / f"{name}-{settings.scenario}-{seed}"
+    if resume and not folder.is_dir():
+        raise CommandError(f"there is no checkpoint in {folder}: start without --resume, or name its folder with --out")
+    writable_folder(folder, "--out")
     _train(Console(highlight=False), env_id, settings, folder, seed, threads, resume)
 
 
@@ -97,6 +101,7 @@ def _train(
     from fieldgym.agents.learning import training
     from fieldgym.agents.learning.runs import CheckpointError
     from fieldgym.envs.task import resolved, task
+    from fieldgym.kernels.locks import FolderBusyError
 
     if not resume and any(folder.glob("state.*")):
         raise CommandError(f"{folder} holds a run already: go on with --resume, or choose another folder with --out")
@@ -108,9 +113,11 @@ def _train(
     try:
         with _shown(console, PLAIN_EVERY if own is None else 1) as show:
             result = train(env_id, settings, folder, seed=seed, resume=resume, on_update=show)
-    except (CheckpointError, ValueError) as error:
+    except (CheckpointError, FolderBusyError, ValueError) as error:
         raise CommandError(str(error)) from None
     except OSError as error:
+        if output_fails():
+            raise
         raise CommandError(f"cannot write to {folder} ({error.strerror}): choose another folder with --out") from None
     except KeyboardInterrupt:
         typer.echo(f"fieldgym: stopped; the last update's checkpoint is in {folder}. Go on with --resume", err=True)

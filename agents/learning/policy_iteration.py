@@ -21,7 +21,8 @@ from stable_baselines3.common.logger import configure
 
 from ...envs.sorting.columns import CANDIDATE, candidate_table
 from ...envs.task import task
-from ...kernels.files import replace_file
+from ...kernels.files import read_file, replace_file
+from ...kernels.locks import FolderLock
 from ..evaluation import evaluate, mean
 from ..policies.base import Actions, Observation, Policy
 from ..policies.sorting import time_left_s
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 
 NAME = "policy-iteration"
 STATE = "state.json"
+MOST_STATE_BYTES = 50_000_000
 _RIDGE = 1.0
 _TRIALS = (-0.06, -0.03, 0.0, 0.03, 0.06)
 """Worth of a second of new arrivals beyond their averages, tried about the last one found."""
@@ -78,6 +80,7 @@ def iterate(
 
     Raises:
         CheckpointError: the checkpoint cannot be used.
+        FolderBusyError: another run writes into the folder.
         ValueError: the task does not name it, no teacher, or ``seed`` is out of range.
     """
     if NAME not in algorithms(task(env_id)):
@@ -86,7 +89,21 @@ def iterate(
     if settings.teacher is None:
         raise ValueError(f"algo = {NAME!r} needs a teacher: name a scripted policy")
     first_seed = first_training_seed(seed)
+    saved = _saved(folder / STATE) if resume else None
     folder.mkdir(parents=True, exist_ok=True)
+    with FolderLock(folder):
+        return _iterate(env_id, settings, folder, first_seed, seed, saved, on_update)
+
+
+def _iterate(
+    env_id: str,
+    settings: TrainSettings,
+    folder: Path,
+    first_seed: int,
+    seed: int,
+    saved: dict[str, Any] | None,
+    on_update: Callable[[Progress], None],
+) -> Result:
     logger = configure(str(folder / "tensorboard"), ["tensorboard"])
     record = Journal(env_id, settings, seed, folder, logger)
     env: Any = gym.make_vec(
@@ -98,8 +115,8 @@ def iterate(
     )
     try:
         run = _Run(record, env, first_seed)
-        if resume:
-            run.restore()
+        if saved is not None:
+            run.restore(saved)
         # However few decisions are asked for: without a value there is no policy.
         while record.progress.steps < settings.steps or not record.curve:
             run.play_round()
@@ -107,6 +124,22 @@ def iterate(
         return Result(folder / BEST, record.progress, record.curve)
     finally:
         env.close()
+
+
+def _saved(path: Path) -> dict[str, Any]:
+    """What a checkpoint holds: the run's own values and the weights."""
+    try:
+        state = json.loads(read_file(path, MOST_STATE_BYTES))
+        weights = {name: np.array(state[name], float).reshape(shape) for name, shape in SHAPES.items()}
+        run = state["run"]
+    except FileNotFoundError:
+        raise CheckpointError(f"there is no checkpoint {path}: start without --resume") from None
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise CheckpointError(f"{path} is damaged ({reason[:200]}): start without --resume") from None
+    if not all(np.isfinite(values).all() for values in weights.values()):
+        raise CheckpointError(f"{path} is damaged (a weight is no number): start without --resume")
+    return {"run": run, "weights": weights}
 
 
 class _Run:
@@ -144,19 +177,10 @@ class _Run:
         replace_file(record.folder / STATE, json.dumps(state))
         progress.other_s += record.lap()
 
-    def restore(self) -> None:
-        """Go on from the folder's checkpoint."""
-        path = self.record.folder / STATE
-        try:
-            state = json.loads(path.read_bytes())
-            weights = {name: np.array(state[name], float).reshape(shape) for name, shape in SHAPES.items()}
-            run = state["run"]
-        except FileNotFoundError:
-            raise CheckpointError(f"there is no checkpoint {path}: start without --resume") from None
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise CheckpointError(f"{path} is damaged ({error}): start without --resume") from None
-        self.record.restore(run)
-        self.weights = weights
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Go on from a checkpoint."""
+        self.record.restore(saved["run"])
+        self.weights = saved["weights"]
 
     def _seeds(self) -> list[int]:
         """Instances of this round; every round has its own."""

@@ -147,6 +147,15 @@ class Journal:
         Raises:
             CheckpointError: it is of a run with other settings, of another task or seed.
         """
+        try:
+            self._restore(run)
+        except (KeyError, TypeError, AttributeError) as error:
+            told = " ".join(f"{type(error).__name__}: {error}".split())
+            raise CheckpointError(
+                f"the checkpoint in {self.folder} is damaged ({told[:200]}): start without --resume"
+            ) from None
+
+    def _restore(self, run: dict[str, Any]) -> None:
         before, now = dict(run["settings"]), self.settings.as_dict()
         for name in now:
             if name != "steps" and before.get(name) != now[name]:
@@ -159,8 +168,16 @@ class Journal:
                 f"the checkpoint in {self.folder} is of {run['env_id']} with seed {run['seed']}: "
                 "choose that, another --out, or start without --resume"
             )
-        self.progress = Progress(**{**run["progress"], "total": self.settings.steps})
-        self.curve, self.best = run["curve"], run["best"] if run["best"] is not None else -math.inf
+        progress = Progress(**{**run["progress"], "total": self.settings.steps})
+        counted = (progress.steps, progress.updates)
+        timed = (progress.environment_s, progress.acting_s, progress.learning_s, progress.other_s)
+        best = -math.inf if run["best"] is None else run["best"]
+        points = isinstance(run["curve"], list) and all(isinstance(point, dict) for point in run["curve"])
+        if not all(type(count) is int and count >= 0 for count in counted) or not points:
+            raise TypeError("steps, updates or curve")
+        if not all(isinstance(value, (int, float)) for value in (*timed, best)):
+            raise TypeError("seconds or best")
+        self.progress, self.curve, self.best = progress, run["curve"], best
 
     def keep(self, policy: Portable, env: Any, **facts: Any) -> None:
         """Evaluate a policy on the held-out seeds and write it, with a card, where it belongs.

@@ -13,6 +13,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.utils import LinearSchedule
 
+from ...kernels.locks import FolderLock
 from ..evaluation import mean
 from ..policies.layout import layout_of
 from ..policies.network import NetworkPolicy
@@ -55,13 +56,27 @@ def train(
 
     Raises:
         CheckpointError: the checkpoint cannot be used.
+        FolderBusyError: another run writes into the folder.
         ValueError: ``seed`` is out of range.
     """
     first_seed = first_training_seed(seed)
-    folder.mkdir(parents=True, exist_ok=True)
     if threads is not None:
         torch.set_num_threads(threads)
     saved = checkpoint.read(folder / STATE) if resume else None
+    folder.mkdir(parents=True, exist_ok=True)
+    with FolderLock(folder):
+        return _train(env_id, settings, folder, first_seed, seed, saved, on_update)
+
+
+def _train(
+    env_id: str,
+    settings: TrainSettings,
+    folder: Path,
+    first_seed: int,
+    seed: int,
+    saved: dict[str, Any] | None,
+    on_update: Callable[[Progress], None],
+) -> Result:
     env = make_vec_env(
         env_id,
         settings.num_envs,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..summary import Row
-from ..tables import LEGEND, Column
+from ..tables import LEGEND, Column, escaped
 from . import sections
 from .page import stamp
 from .reader import Chapter, Study
@@ -46,7 +46,10 @@ def render(study: Study, command: str) -> str:
 
 
 def _code(text: str) -> str:
-    return f"`{text}`" if text.startswith("fieldgym ") and " --" in text else text
+    text = " ".join(text.split())
+    if text.startswith("fieldgym ") and " --" in text:
+        return f"`` {text} ``" if "`" in text else f"`{text}`"
+    return escaped(text)
 
 
 def _chapter(item: Chapter) -> list[str]:
@@ -56,7 +59,7 @@ def _chapter(item: Chapter) -> list[str]:
     return [
         f"## {sections.name_of(item.task.id)}",
         "",
-        f"`{item.task.id}`, {sections.words(tier.condition)}, {len(tier.seeds)} {tier.condition.instances}s.",
+        f"`{item.task.id}`, {escaped(sections.words(tier.condition))}, {len(tier.seeds)} {tier.condition.instances}s.",
         "",
         "| | policy | " + " | ".join(column.title for column in shown) + " |",
         "|--:|---" + "|--:" * len(shown) + "|",
@@ -75,7 +78,8 @@ def _place(row: Row) -> float:
 def _line(place: str, row: Row, columns: Sequence[Column]) -> str:
     texts = (column.cell(row) for column in columns)
     cells = [f"{value}<br>{interval}" if interval else value for value, interval in texts]
-    name = f"**{row.policy}**" if row.policy == row.reference else row.policy
+    name = escaped(row.policy)
+    name = f"**{name}**" if row.policy == row.reference else name
     return f"| {place} | {name} | " + " | ".join(cells) + " |"
 
 
