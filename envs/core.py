@@ -158,6 +158,22 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
         if len(rows):
             self.load(rows, self.draw(generators))
 
+    def misplaced(self) -> str:
+        """An array that points outside what it points into, by its name; empty when there is none.
+
+        Kernels do not look: who puts arrays from a file in place asks before anything runs.
+        """
+        return ""
+
+
+def outside(arrays: Any, **limits: int) -> str:
+    """The first of the named arrays with a whole number that is below 0 or not below its limit; empty without one."""
+    for name, limit in limits.items():
+        values = getattr(arrays, name)
+        if not ((values >= 0) & (values < limit)).all():
+            return name
+    return ""
+
 
 def observation_space(core: TaskCore[Any, Any], slots: int, actions: int, limit: float = 10.0) -> spaces.Dict:
     """The space of a task's observations: its machine's features, K slots of candidates' features, and the mask."""

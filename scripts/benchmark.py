@@ -21,7 +21,6 @@ from fieldgym.scripts.common import (
     environment_id,
     execute,
     fields_of,
-    output_fails,
     scenario_of,
     seeds_of,
     told_in_one_line,
@@ -124,8 +123,6 @@ def main(
     except store.ResultsError as error:
         raise CommandError(str(error)) from None
     except OSError as error:
-        if output_fails():
-            raise
         raise CommandError(f"cannot write to {folder} ({error.strerror}): choose another folder with --out") from None
     except runner.InterruptedRunError as error:
         given = {"--env": env, "--policies": policies, "--episodes": episodes, "--backend": backend, "--jobs": jobs}

@@ -7,7 +7,7 @@ import json
 import os
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -41,6 +41,10 @@ Trust = Annotated[
 
 class CommandError(Exception):
     """What was asked cannot be done; the message is one line and says what to do instead."""
+
+
+class OutputError(CommandError):
+    """The standard output takes nothing more."""
 
 
 def chosen(value: str, choices: Sequence[str], what: str, more: str = "") -> str:
@@ -253,19 +257,17 @@ def execute(app: typer.Typer, name: str) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a table with a question mark in it is better than none
+    _guard_output()
     try:
         code = app(prog_name=name, standalone_mode=False)
         sys.stdout.flush()
     except CommandError as error:
+        if isinstance(error, OutputError):
+            # What is left in the buffer would fail once more when Python ends.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(_told(str(error), USAGE_ERROR))
     except (KeyboardInterrupt, typer.Abort):
         sys.exit(_told("stopped", INTERRUPTED))
-    except OSError as error:
-        if not output_fails():
-            raise
-        # What is left in the buffer would fail once more when Python ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(_told(f"cannot write to the standard output ({error.strerror})", USAGE_ERROR))
     except Exception as error:
         # Typer's usage errors share no public base class; they all can format themselves.
         describe = getattr(error, "format_message", None)
@@ -277,13 +279,22 @@ def execute(app: typer.Typer, name: str) -> NoReturn:
     sys.exit(code if isinstance(code, int) else 0)
 
 
-def output_fails() -> bool:
-    """Whether the standard output takes nothing more: then an error of writing was its own, not a folder's."""
-    try:
-        sys.stdout.flush()
-    except OSError:
-        return True
-    return False
+def _guard_output() -> None:
+    """Let an error of the standard output be told as its own: a command blames errors of writing on its folder."""
+
+    def guarded(action: Callable[..., Any]) -> Callable[..., Any]:
+        def act(*arguments: Any) -> Any:
+            try:
+                return action(*arguments)
+            except BrokenPipeError:  # who reads has had enough
+                raise
+            except OSError as error:
+                raise OutputError(f"cannot write to the standard output ({error.strerror})") from None
+
+        return act
+
+    for name in ("write", "flush"):
+        setattr(sys.stdout, name, guarded(getattr(sys.stdout, name)))
 
 
 def _told(message: str, code: int) -> int:

@@ -33,7 +33,8 @@ def main(
 
     words = ["fieldgym", "report", str(results), "--out", str(out)]
     words += [] if leaderboard is None else ["--leaderboard", str(leaderboard)]
-    command = shlex.join(words)
+    # Under a locale that knows no such letters, those of a path come as halves that no file can hold.
+    command = shlex.join(words).encode("utf-8", "surrogateescape").decode("utf-8", "replace")
     try:
         study = reader.load(results)
     except store.ResultsError as error:

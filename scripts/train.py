@@ -18,7 +18,6 @@ from fieldgym.scripts.common import (
     chosen,
     environment_id,
     execute,
-    output_fails,
     writable_folder,
 )
 
@@ -116,8 +115,6 @@ def _train(
     except (CheckpointError, FolderBusyError, ValueError) as error:
         raise CommandError(str(error)) from None
     except OSError as error:
-        if output_fails():
-            raise
         raise CommandError(f"cannot write to {folder} ({error.strerror}): choose another folder with --out") from None
     except KeyboardInterrupt:
         typer.echo(f"fieldgym: stopped; the last update's checkpoint is in {folder}. Go on with --resume", err=True)

@@ -416,3 +416,81 @@ def test_a_file_of_results_that_is_none_is_told(tmp_path: Path):
         reader.load(tmp_path)
     with pytest.raises(OSError, match="it is a pipe, no file"):
         store.read(tmp_path / store.EPISODES)
+
+
+# What a terminal takes
+
+
+COMMAND = "from fieldgym.scripts.cli import main; main()"
+
+
+def told_by_report(folder: Path, tmp_path: Path, **how: Any) -> subprocess.CompletedProcess[str]:
+    words = [sys.executable, "-c", COMMAND, "report", str(folder), "--out", str(tmp_path / "page.html")]
+    words += ["--leaderboard", str(tmp_path / "board.md")]
+    return subprocess.run(words, text=True, encoding="utf-8", timeout=120, stderr=subprocess.PIPE, **how)
+
+
+def test_reports_are_utf_8_and_their_table_is_told_whatever_the_locale(tmp_path: Path):
+    odd = [{**record("fixed-order", seed), "scenario": "p\u00f6ts"} for seed in (1, 2)]
+    locale = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
+    folder = write(tmp_path / "r\u00f6w", [*odd, record("nearest", 1)])
+    done = told_by_report(folder, tmp_path, env={**os.environ, **locale}, stdout=subprocess.PIPE)
+    assert done.returncode == 0 and done.stdout.startswith("Written: ") and done.stderr == ""
+    assert "p\u00f6ts" in (tmp_path / "page.html").read_text("utf-8")
+
+
+def test_the_terminals_tables_survive_an_ascii_terminal(tmp_path: Path):
+    code = """
+import sys
+from pathlib import Path
+import typer
+from fieldgym.scripts.common import execute
+app = typer.Typer()
+@app.command()
+def main() -> None:
+    from rich.console import Console
+    from fieldgym.benchmark import store, tables
+    console = Console(width=150)
+    for table in tables.terminal_tables(tables.summarise(store.read(Path(sys.argv[2])), []), 150):
+        console.print(table)
+sys.argv.insert(1, "--")
+execute(app, "x")
+"""
+    code = code.replace("def main() -> None:", "def main(file: str) -> None:")
+    folder = write(tmp_path / "r", [{**record("b\u00e4r", seed), "scenario": "p\u00f6ts"} for seed in (1, 2)])
+    done = run_python(code, str(folder / store.EPISODES), PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert done.returncode == 0, done.stderr
+    assert "b?r" in done.stdout and "p?ts" in done.stdout and done.stderr == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_standard_output_is_not_blamed_on_the_folder(tmp_path: Path):
+    folder = write(tmp_path / "r", [record("fixed-order", seed) for seed in (1, 2)])
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        done = told_by_report(folder, tmp_path, stdout=full)
+    assert (done.returncode, done.stderr) == (
+        2,
+        "fieldgym: cannot write to the standard output (No space left on device)\n",
+    )
+
+
+def test_markdown_escapes_names(tmp_path: Path):
+    name = "a|b`c\n<i>[x](y) *z*"
+    records = [{**record(policy, seed), "scenario": name} for policy in ("fixed-order", name) for seed in (1, 2)]
+    folder = write(tmp_path / "r", records)
+    board = leaderboard.render(reader.load(folder), f"fieldgym report --out {name}")
+    summary = tables.markdown(tables.summarise(records, []))
+    escaped = r"a\|b\`c &lt;i&gt;\[x\](y) \*z\*"
+    for text in (board, summary):
+        assert escaped in text and "<i>" not in text.replace("a|b`c <i>[x](y) *z* ``", "")
+        rows = [line for line in text.splitlines() if line.startswith("|") and "fixed-order" in line]
+        ours = [line for line in text.splitlines() if line.startswith("|") and escaped in line]
+        assert {row.replace(r"\|", "").count("|") for row in rows} == {
+            row.replace(r"\|", "").count("|") for row in ours
+        }
+
+
+@pytest.mark.parametrize("speed", ["inf", "nan", "0", "-1", "1e9"])
+def test_a_video_has_a_speed(speed: str):
+    done = run_python(COMMAND, "run", "SafflowerPicking", "--speed", speed)
+    assert done.returncode == 2 and done.stderr.startswith(f"fieldgym: --speed {float(speed)}: give a factor")

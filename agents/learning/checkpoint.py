@@ -2,11 +2,13 @@
 
 Weights and optimiser, every array of the environment's rules, every world's generator and the learner's own: after a
 restore the run takes the same decisions that it would have taken. The file is read with ``weights_only``: no code in
-it can run.
+it can run. Every shape, kind of number and index in it is compared with what the settings make before a kernel works
+with it.
 """
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -14,11 +16,14 @@ from typing import Any
 import numpy as np
 import torch
 
-from ...kernels.files import replaced
+from ...kernels.files import read_file, replaced
 from .runs import CheckpointError
 from .sb3 import NativeVecEnv
 
 FORMAT = 1
+MOST_BYTES = 2**31
+"""Largest file that is read."""
+_MT_WORDS = 624
 
 
 def write(path: Path, model: Any, env: NativeVecEnv, run: dict[str, Any]) -> None:
@@ -66,7 +71,8 @@ def read(path: Path) -> dict[str, Any]:
         CheckpointError: it is missing, damaged or of another version.
     """
     try:
-        state = torch.load(path, weights_only=True, map_location="cpu")
+        data = io.BytesIO(read_file(path, MOST_BYTES))
+        state = torch.load(data, weights_only=True, map_location="cpu")
         state["text"] = json.loads(state["text"])
         version = state["format"]
     except FileNotFoundError:
@@ -83,15 +89,31 @@ def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
     """Put a learner and its environment, made with the same settings, where the checkpoint was written.
 
     Raises:
-        CheckpointError: the environment or the network is not the one that the checkpoint was written with.
+        CheckpointError: the environment or the network is not the one that the checkpoint was written with, or a
+            part of it is damaged.
     """
+    try:
+        _restore(state, model, env)
+    except CheckpointError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RuntimeError) as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise CheckpointError(f"the checkpoint is damaged ({reason[:200]}): start without --resume") from None
+
+
+def _restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
     text = state["text"]
+    _check_counts(text)
+    _check_seen(state, env)
     # Caches of the rules are None when they are made; they are worked out again from the restored arrays.
     caches = [name for name, value in vars(env.native.core).items() if value is None]
     env.reset()
     native = env.native
     for owner, key in ((native.core, "core"), (native.executor, "executor"), (native, "face"), (env, "env")):
         _put(owner, state[key], key)
+    wrong = native.core.misplaced()
+    if wrong:
+        raise CheckpointError(f"the checkpoint's {wrong} points outside its array: start without --resume")
     for name in caches:
         setattr(env.native.core, name, None)
     for generator, saved in zip(env.native.np_random, text["generators"], strict=True):
@@ -103,6 +125,7 @@ def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
     except (RuntimeError, ValueError) as error:
         reason = str(error).split("\n", 1)[0]
         raise CheckpointError(f"the checkpoint holds another network ({reason}): start without --resume") from None
+    _check_optimizer(model.policy.optimizer)
     model._last_obs = {name: values.numpy() for name, values in state["last_obs"].items()}
     model._last_episode_starts = state["last_starts"].numpy()
     model.num_timesteps, model._n_updates = text["num_timesteps"], text["n_updates"]
@@ -110,6 +133,9 @@ def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
     torch.set_rng_state(state["torch_generator"])
     kind, position, has_gauss, gauss = text["numpy"]
     keys = state["numpy_keys"].numpy().astype(np.uint32)
+    # NumPy would read beyond its words.
+    if kind != "MT19937" or keys.shape != (_MT_WORDS,) or type(position) is not int or not 0 <= position <= _MT_WORDS:
+        raise CheckpointError("the checkpoint's generator is none: start without --resume")
     np.random.set_state((kind, keys, position, has_gauss, gauss))  # noqa: NPY002
 
 
@@ -140,11 +166,43 @@ def _put(owner: object, saved: dict[str, torch.Tensor], what: str) -> None:
         raise CheckpointError(f"the checkpoint's {what} does not fit ({', '.join(odd[:3])}): start without --resume")
     for name, values in saved.items():
         array = now[name]
-        if array.shape != tuple(values.shape):
+        if array.shape != tuple(values.shape) or array.dtype != values.numpy().dtype:
             raise CheckpointError(f"the checkpoint's {what}.{name} does not fit: start without --resume")
         if array.flags.writeable:
             # In place: one array may be a view of another.
             array[...] = values.numpy()
+
+
+def _check_counts(text: dict[str, Any]) -> None:
+    """Raise unless steps and updates are counts and the log's episodes are what SB3 wrote."""
+    counts = text["num_timesteps"], text["n_updates"]
+    episodes = text["episodes"]
+    numbers = [item[name] for item in episodes for name in ("r", "l", "t")]
+    if any(type(count) is not int or count < 0 for count in counts):
+        raise CheckpointError("the checkpoint's steps or updates are no counts: start without --resume")
+    if not all(isinstance(number, (int, float)) for number in numbers):
+        raise CheckpointError("the checkpoint's episodes are no numbers: start without --resume")
+
+
+def _check_seen(state: dict[str, Any], env: NativeVecEnv) -> None:
+    """Raise unless the last observation is one of the environment's."""
+    spaces: Any = env.observation_space
+    seen = state["last_obs"]
+    fits = set(seen) == set(spaces.spaces) and all(
+        tuple(values.shape) == (env.num_envs, *spaces[name].shape) and values.numpy().dtype == spaces[name].dtype
+        for name, values in seen.items()
+    )
+    starts = state["last_starts"]
+    if not fits or tuple(starts.shape) != (env.num_envs,) or starts.dtype not in (torch.bool, torch.float32):
+        raise CheckpointError("the checkpoint's last observation does not fit: start without --resume")
+
+
+def _check_optimizer(optimizer: torch.optim.Optimizer) -> None:
+    """Raise unless what the optimiser remembers of each weight has the weight's shape."""
+    for weight, memory in optimizer.state.items():
+        for name, values in memory.items():
+            if not isinstance(values, torch.Tensor) or (name != "step" and values.shape != weight.shape):
+                raise CheckpointError(f"the checkpoint's optimiser does not fit ({name}): start without --resume")
 
 
 def _generator_state(generator: np.random.Generator | None) -> Any:

@@ -10,7 +10,8 @@ import hashlib
 import io
 import json
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import Any, Protocol
@@ -94,10 +95,8 @@ def load(path: Path, name: str = LEARNED) -> Portable:
         PolicyFileError: a file is missing, too large, damaged or of another kind.
     """
     card = _read_card(path.with_suffix(".json"))
-    try:
+    with _told_of(path):
         return resolved(READERS[card["format"]])(card, _read_weights(path), name)
-    except PolicyFileError as error:
-        raise PolicyFileError(f"{path}: {error}") from None
 
 
 def load_for(path: Path, env: Any, name: str = LEARNED) -> Any:
@@ -110,11 +109,21 @@ def load_for(path: Path, env: Any, name: str = LEARNED) -> Any:
     spec = env.unwrapped.spec
     made_for = saved.card.get("env_id")
     if spec is not None and made_for is not None and str(made_for).rpartition(":")[2] != spec.id:
-        raise PolicyFileError(f"{path} was trained on {made_for}, this is {spec.id}")
-    try:
+        raise PolicyFileError(f"{path} was trained on {' '.join(str(made_for).split())[:80]}, this is {spec.id}")
+    with _told_of(path):
         return saved.fitted(env)
+
+
+@contextmanager
+def _told_of(path: Path) -> Iterator[None]:
+    """Make one line of whatever a stranger's card or weights bring about."""
+    try:
+        yield
     except PolicyFileError as error:
-        raise PolicyFileError(f"{path}: {error}") from None
+        raise PolicyFileError(f"{path}: {' '.join(str(error).split())}") from None
+    except (TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError, RecursionError) as error:
+        told = " ".join(f"{type(error).__name__}: {error}".split())
+        raise PolicyFileError(f"{path}: its card or its weights are damaged ({told[:200]})") from None
 
 
 def shipped(env_id: str, scenario: str | None = None) -> Path | None:
@@ -149,8 +158,8 @@ def _read_card(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError):
         raise PolicyFileError(f"{path} is no JSON: fetch the policy again") from None
     found = card.get("format") if isinstance(card, dict) else None
-    if found not in READERS:
-        raise PolicyFileError(f"{path} has the format {found!r}, this version reads {', '.join(READERS)}")
+    if not isinstance(found, str) or found not in READERS:
+        raise PolicyFileError(f"{path} has the format {repr(found)[:80]}, this version reads {', '.join(READERS)}")
     return card
 
 

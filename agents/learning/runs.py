@@ -149,7 +149,9 @@ class Journal:
         """
         try:
             self._restore(run)
-        except (KeyError, TypeError, AttributeError) as error:
+        except CheckpointError:
+            raise
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
             told = " ".join(f"{type(error).__name__}: {error}".split())
             raise CheckpointError(
                 f"the checkpoint in {self.folder} is damaged ({told[:200]}): start without --resume"
@@ -165,18 +167,18 @@ class Journal:
                 )
         if run["env_id"] != self.env_id or run["seed"] != self.seed:
             raise CheckpointError(
-                f"the checkpoint in {self.folder} is of {run['env_id']} with seed {run['seed']}: "
+                f"the checkpoint in {self.folder} is of {run['env_id']!r} with seed {run['seed']!r}: "
                 "choose that, another --out, or start without --resume"
             )
         progress = Progress(**{**run["progress"], "total": self.settings.steps})
         counted = (progress.steps, progress.updates)
-        timed = (progress.environment_s, progress.acting_s, progress.learning_s, progress.other_s)
+        numbers = [value for name, value in vars(progress).items() if name != "held_out"]
         best = -math.inf if run["best"] is None else run["best"]
         points = isinstance(run["curve"], list) and all(isinstance(point, dict) for point in run["curve"])
         if not all(type(count) is int and count >= 0 for count in counted) or not points:
             raise TypeError("steps, updates or curve")
-        if not all(isinstance(value, (int, float)) for value in (*timed, best)):
-            raise TypeError("seconds or best")
+        if not all(isinstance(value, (int, float)) for value in (*numbers, *progress.held_out.values(), best)):
+            raise TypeError("seconds, scores or best")
         self.progress, self.curve, self.best = progress, run["curve"], best
 
     def keep(self, policy: Portable, env: Any, **facts: Any) -> None:

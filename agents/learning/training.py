@@ -20,7 +20,7 @@ from ..policies.network import NetworkPolicy
 from ..registry import make_policy
 from . import checkpoint
 from .imitation import imitate
-from .runs import BEST, Journal, Progress, Result, first_training_seed
+from .runs import BEST, CheckpointError, Journal, Progress, Result, first_training_seed
 from .sb3 import NativeVecEnv, make_vec_env
 from .set_policy import MaskableSetPolicy, SetPolicy
 from .train_settings import TrainSettings
@@ -155,7 +155,10 @@ class _Run(BaseCallback):
         run = saved["text"]["run"]
         self.record.restore(run)
         checkpoint.restore(saved, self.learner, self.worlds)
-        self.recent.extend(run["recent"])
+        try:
+            self.recent.extend(np.array(run["recent"], float).reshape(-1, 3).tolist())
+        except (KeyError, TypeError, ValueError):
+            raise CheckpointError("the checkpoint's latest episodes are damaged: start without --resume") from None
 
     def learn_from(self, teacher: str) -> None:
         """Begin with what a scripted policy does."""

@@ -10,9 +10,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore, observation_space
+from ..core import Array, Rows, StepResult, TaskCore, observation_space, outside
 from .batch import Batch, Tracks, stack, unstack
-from .config import EFFORTS, PerceptionModel, SafflowerConfig
+from .config import EFFORTS, STAGES, PerceptionModel, SafflowerConfig
 from .drawing import draw_batch, reach_table
 from .features import ACROSS_SCALE_M, HEIGHT_SCALE_M, LIMIT, SIZE_SCALE_M, C, Candidate, Machine
 from .field import SafflowerField
@@ -155,6 +155,21 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def scores(self) -> Array:
         """Scorecard so far; see ``score_names``. The net rate is eq. 35 over every open head of the field."""
         return score_worlds(self.state.totals, self.state.stop)
+
+    def misplaced(self) -> str:
+        """See ``TaskCore.misplaced``."""
+        heads, reports = self.state.head_stage.shape[1], self.state.track_head.shape[1]
+        return outside(
+            self.state,
+            head_stage=len(STAGES),
+            track_head=heads,
+            first=reports,
+            slot_report=reports,
+            cursor=reports,
+            stop_end=reports,
+            remaining=reports,
+            stop=self.state.first.shape[1] - 1,
+        )
 
     def describe(self, plan: PickerPlan, result: StepResult, row: int = 0) -> str:
         """One line about the last decision."""

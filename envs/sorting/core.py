@@ -12,9 +12,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore, observation_space
+from ..core import Array, Rows, StepResult, TaskCore, observation_space, outside
 from ..field import ABSENT, Camera
-from .columns import ITEM, LIMIT, TOTAL, Candidate, Item, Machine, Phases, Rewards, Scores
+from .columns import ITEM, LIMIT, TOTAL, TRUTH, Candidate, Item, Machine, Phases, Rewards, Scores
 from .completing import check_fit, completed, window
 from .config import GRADES, PerceptionModel, SortingConfig
 from .drawing import CameraModel, Stream, draw_streams, report_streams
@@ -152,6 +152,22 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
     def scores(self) -> Array:
         """Scorecard so far; see ``score_names``. The net rate's denominator is every item of the stream."""
         return score_worlds(self.state.totals)
+
+    def misplaced(self) -> str:
+        """See ``TaskCore.misplaced``."""
+        items, reports = self.state.item_free.shape[1], self.state.report_item.shape[1]
+        grade = self.state.item_truth[..., TRUTH.grade]
+        if not ((grade >= 0.0) & (grade < len(GRADES))).all():
+            return "item_truth"
+        return outside(
+            self.state,
+            report_item=items,
+            report_grade=len(GRADES),
+            queue=reports,
+            queued=reports,
+            first=reports,
+            slot_report=reports,
+        )
 
     def describe(self, plan: SorterPlan, result: StepResult, row: int = 0) -> str:
         """One line about the last decision."""

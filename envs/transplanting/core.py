@@ -10,7 +10,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore
+from ..core import Array, Rows, StepResult, TaskCore, outside
 from .columns import (
     MOVE_SCALE_S,
     PLACE_SCALE_M,
@@ -28,7 +28,7 @@ from .columns import (
     Totals,
     W,
 )
-from .config import EMPTY, HEALTHY, SPEEDS, PerceptionModel, TransplantingConfig
+from .config import DAMAGED, EMPTY, HEALTHY, SPEEDS, PerceptionModel, TransplantingConfig
 from .field import Cells, TrayBatch, TrayField, draw_batch, model_reports, shapes, stacked, unstacked, with_every_cell
 from .process import speed_chances
 from .rules import (
@@ -198,6 +198,19 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
     def scores(self) -> Array:
         """Scorecard so far, see ``Scores``."""
         return score_worlds(self.state)
+
+    def misplaced(self) -> str:
+        """See ``TaskCore.misplaced``."""
+        return outside(
+            self.state,
+            source_cells=DAMAGED + 1,
+            target_cells=DAMAGED + 1,
+            source_reports=DAMAGED + 1,
+            target_reports=DAMAGED + 1,
+            source_row=self.state.source_cells.shape[1],
+            target_row=self.state.target_cells.shape[1],
+            place=len(self.places.x_m),
+        )
 
     def describe(self, plan: TransplantPlan, result: StepResult, row: int = 0) -> str:
         """One line about the last decision."""

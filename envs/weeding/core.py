@@ -11,10 +11,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore, observation_space
+from ..core import Array, Rows, StepResult, TaskCore, observation_space, outside
 from ..field import Camera
 from .batch import Batch, crop_index, stack, unstack
-from .config import FieldTask
+from .config import SPECIES, FieldTask
 from .drawing import draw_blocks, draw_plants, draw_tracks, random_numbers, track_capacity
 from .features import LIMIT, Candidate, Machine, track_features
 from .field import WeedField
@@ -23,7 +23,7 @@ from .perception import PerceptionModel
 from .process import WeedingProcess
 from .rules import apply_worlds, legal_option, move_up_rows, plan_worlds
 from .showing import observe_worlds, score_worlds
-from .state import BLOCKS, MODES, PAD, WAIT, Common, N, Own, R, Rewards, WeederPlan, empty_worlds, tables_of
+from .state import BLOCKS, CROP_KIND, MODES, PAD, WAIT, Common, N, Own, R, Rewards, WeederPlan, empty_worlds, tables_of
 from .timing import G, Moving, ready
 
 
@@ -227,6 +227,17 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         tables, s = self.tables, self.state
         known = s.totals, s.phases_s, s.weeds, s.crops_in_strip, s.cart, s.track_count
         return score_worlds(tables.start_m, tables.ha_s_per_m_h, *known)
+
+    def misplaced(self) -> str:
+        """See ``TaskCore.misplaced``."""
+        tracks, plants = self.state.track_real.shape[1], self.state.plant_kind.shape[1]
+        near = self.state.track_near
+        limits = {N.weed: self.weeds_end - PAD - 1, N.crop: plants - self.weeds_end - 1}  # a neighbour on each side
+        if any(not ((near[..., side] >= 0) & (near[..., side] < limit)).all() for side, limit in limits.items()):
+            return "track_near"
+        return outside(
+            self.state, plant_kind=CROP_KIND + 1, track_count=tracks, slot_track=tracks, cursor=tracks
+        ) or outside(self, plant_species=len(SPECIES))
 
     def describe(self, plan: WeederPlan, result: StepResult, row: int = 0) -> str:
         """One line about the last decision."""
