@@ -68,6 +68,8 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
         machine_features: what policies are shown of the machine.
         candidate_features: what policies are shown of each candidate; the first says whether the slot is taken.
         field_type: what a field of this task is.
+        replaced: names of attributes that ``load`` replaces as a whole, beside the arrays that the rules work on; a state
+            of the environment holds them too.
     """
 
     config: Any
@@ -79,6 +81,7 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     field_type: type[Field]
     observation_space: spaces.Dict
     action_space: spaces.Discrete
+    replaced: tuple[str, ...] = ()
 
     def __init__(self, worlds: int):
         """Prepare ``worlds`` worlds; each must be reset before its first plan."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from operator import index
 from os import PathLike
 from typing import Any
 
@@ -29,6 +30,38 @@ def checked_options(options: Any, known: Sequence[str]) -> Mapping[str, Any]:
         if name not in known:
             raise ValueError(f"option {name!r} of reset is unknown: {meant(str(name), known)}")
     return options
+
+
+def checked_seed(seed: Any) -> int | None:
+    """A seed as Python's own integer; NumPy's are integers too.
+
+    Raises:
+        ValueError: it is no whole number from 0.
+    """
+    if seed is None:
+        return None
+    try:
+        number = -1 if isinstance(seed, bool | np.bool_) else index(seed)
+    except TypeError:
+        number = -1
+    if number < 0:
+        raise ValueError(f"seed = {seed!r}: give a whole number from 0, or None")
+    return number
+
+
+def checked_seeds(seed: Any, worlds: int) -> list[int | None]:
+    """A seed for every world: number i, ``seed + i`` of a single number, or none.
+
+    Raises:
+        ValueError: there are more or fewer than worlds, or one is no whole number from 0.
+    """
+    if seed is None or np.ndim(seed) == 0:
+        first = checked_seed(seed)
+        return [None if first is None else first + i for i in range(worlds)]
+    seeds = [checked_seed(one) for one in seed]
+    if len(seeds) != worlds:
+        raise ValueError(f"{len(seeds)} seeds for {worlds} worlds: give one seed a world, or a single number")
+    return seeds
 
 
 def completed(core: TaskCore[Any, Any], field: Any, generator: np.random.Generator) -> Any:

@@ -9,20 +9,27 @@ from typing import Any, ClassVar, Generic
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from .assembly import Assembly, choice
 from .core import Executor, NominalExecutor, OutcomeT, PlanT, StepResult, TaskCore, View
 from .field import Field
-from .options import checked_options, completed
+from .options import checked_options, checked_seed, completed
+from .state import State, check, put, refuse_closed, refuse_unready, taken
 
 _ONE_ROW = np.zeros(1, np.int64)
+_REMEMBERED = ("_over", "_given", "_drawn_from", "_decisions", "_last")
+"""What a state holds of the environment itself."""
+_REBUILT = ("executor", "_view", "_make_view", "_window", "_on_frame")
+"""What a copy does not take over: it gets a machine and a view of its own, and nobody records it."""
 
 
 class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
     """One world of a task: its rules, an executor, and a view that is made when it is needed.
 
-    A task's environment is a subclass with its ``assembly`` and a docstring.
+    A task's environment is a subclass with its ``assembly`` and a docstring. ``copy.deepcopy`` and ``pickle`` give an
+    environment that stands at the same place and goes on by itself, with a machine of its own.
 
     Args:
         scenario: a name, or a YAML file with a scenario's numbers; by default the headline.
@@ -56,16 +63,14 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         """Put the parts together."""
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode = {render_mode!r}: choose 'human', 'rgb_array' or None")
-        parts, settings = self.equipped(settings)
+        parts, rest = self.equipped(settings)
+        self._equipment = {name: value for name, value in settings.items() if name not in rest}
         backend = choice("backend", backend or parts.backends[0], parts.backends)
         perception = choice("perception", perception or parts.default_perception(backend), parts.perceptions)
-        config = parts.configured(scenario, config, overrides, settings)
+        config = parts.configured(scenario, config, overrides, rest)
         self.backend, self.perception, self.scenario = backend, perception, parts.name_of(config.scenario)
         self.core: TaskCore[PlanT, OutcomeT] = parts.core(config, parts.perception_model(perception, config), 1)
-        driven = backend == "pybullet" and parts.machine is not None
-        self.executor: Executor[PlanT, OutcomeT] = (
-            parts.machine(self.core) if driven and parts.machine else NominalExecutor(self.core)
-        )
+        self.executor = self._driver(parts)
         self.render_mode = render_mode
         self.observation_space = self.core.observation_space
         self.action_space = self.core.action_space
@@ -79,6 +84,30 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self._mask = np.zeros(0, np.int8)
         self._given: Field | None = None
         self._drawn_from: Any = None
+        self._ready = self._over = self._closed = False
+        # With a camera these lead back to where the world stands, and nothing else does: the view remembers pictures.
+        self._decisions: tuple[int, ...] = ()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy takes over."""
+        return {name: value for name, value in vars(self).items() if name not in _REBUILT}
+
+    def __setstate__(self, copied: dict[str, Any]) -> None:
+        """Become a copy: with a new machine where the rules say it stands, and a view when it is needed."""
+        vars(self).update(copied)
+        parts, _ = self.equipped(dict(self._equipment))
+        self._make_view, self._view, self._window, self._on_frame = parts.view, None, None, None
+        self.executor = NominalExecutor(self.core) if self._closed else self._driver(parts)
+        if self._ready and not self._closed:
+            if self._sensing:
+                self._play_again(self._decisions)
+            else:
+                self.executor.reset_rows(_ONE_ROW)
+
+    def _driver(self, parts: Assembly[Any]) -> Executor[PlanT, OutcomeT]:
+        if self.backend == "pybullet" and parts.machine is not None:
+            return parts.machine(self.core)
+        return NominalExecutor(self.core)
 
     @classmethod
     def equipped(cls, settings: dict[str, Any]) -> tuple[Assembly[Any], dict[str, Any]]:
@@ -92,6 +121,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         Raises:
             ValueError: the task has none.
         """
+        refuse_closed(self._closed)
         if self._view is None:
             if self._make_view is None:
                 raise ValueError(f"{type(self).__name__} draws nothing: its assembly has no view")
@@ -108,9 +138,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         if self._given is None:
             if self._drawn_from is None:
                 raise ValueError("there is no field yet: call reset() first")
-            generator = np.random.Generator(type(self.np_random.bit_generator)())
-            generator.bit_generator.state = self._drawn_from
-            self._given = self.core.draw_field(generator)
+            self._given = self.core.draw_field(self._dice())
         return self._given
 
     def reset(
@@ -119,15 +147,17 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         """Start an episode; the same seed gives the same field and the same luck.
 
         Args:
-            seed: of the environment's chance, see Gymnasium.
+            seed: of the environment's chance, a whole number from 0; see Gymnasium.
             options: ``{"field": field_or_path}`` plays that field instead of drawing one; what it does not say is drawn
                 from the environment's chance.
 
         Raises:
-            ValueError: an option is unknown, or the field does not fit.
+            ValueError: the seed is none, an option is unknown, or the field does not fit.
+            gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
-        super().reset(seed=seed)
+        refuse_closed(self._closed)
         field = checked_options(options, ("field",)).get("field")
+        super().reset(seed=checked_seed(seed))
         if field is None:
             self._given, self._drawn_from = None, self.np_random.bit_generator.state
             self.core.reset_rows(_ONE_ROW, [self.np_random])
@@ -137,18 +167,17 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self.executor.reset_rows(_ONE_ROW)
         if self._sensing:
             self.view.sense()
-        if self.render_mode == "human":
-            self._put_in_window(self.view.frame())
-        self._last = None
-        observation = self._observe()
-        zeros = [0.0] * len(self.core.reward_names), [0.0] * len(self.core.phase_names)
-        return observation, self._info(*zeros)
+        self._last, self._decisions = None, ()
+        self._ready, self._over = True, False
+        return self._standing()
 
     def step(self, action: Any) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Carry out one decision.
 
         Raises:
             ValueError: the action is no integer of the action space.
+            gymnasium.error.ResetNeeded: before ``reset``, or after the episode's end.
+            gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
         self._actions[0] = self._checked(action)
         plan = self.core.plan(self._actions)
@@ -157,15 +186,59 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             self._show(plan, result)
         if self._sensing:
             self.view.sense()
+            self._decisions += (int(self._actions[0]),)
         self._last = plan, result
+        self._over = bool(result.terminated[0] or result.truncated[0])
         rewards = result.rewards[0].tolist()
         observation = self._observe()
         info = self._info(rewards, result.phases_s[0].tolist())
         return observation, sum(rewards), bool(result.terminated[0]), bool(result.truncated[0]), info
 
     def action_masks(self) -> np.ndarray:
-        """Which actions are possible now, bool (n,)."""
+        """Which actions are possible now, bool (n,); behind wrappers it is ``env.unwrapped.action_masks()``.
+
+        Raises:
+            gymnasium.error.ResetNeeded: before ``reset``.
+        """
+        refuse_unready(self._ready)
         return self._mask.astype(bool)
+
+    def get_state(self) -> State:
+        """Where this environment stands; ``set_state`` goes back to it, here or in an environment of equal arguments.
+
+        Raises:
+            gymnasium.error.ResetNeeded: before ``reset``.
+        """
+        refuse_closed(self._closed)
+        refuse_unready(self._ready)
+        chance = ((self.np_random.bit_generator.state, self.np_random_seed),)
+        return taken(self.core, self._eyes, chance, {name: getattr(self, name) for name in _REMEMBERED})
+
+    def set_state(self, state: State) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Stand where a state was taken, the chance of later episodes included.
+
+        A machine is placed where the rules say it stands. With a camera the episode is played again up to there, for
+        only that brings back what the camera has seen: it takes as long as the decisions took.
+
+        Returns:
+            Observation and info as of a reset.
+
+        Raises:
+            ValueError: the state is of another configuration, perception or kind.
+        """
+        refuse_closed(self._closed)
+        check(state, self.core, self._eyes, _REMEMBERED)
+        ((chance, self._np_random_seed),) = state.chance
+        generator = self.np_random
+        generator.bit_generator.state = chance
+        vars(self).update(state.remembered)
+        self._ready = True
+        if self._sensing:
+            self._play_again(self._decisions)
+        else:
+            put(state, self.core)
+            self.executor.reset_rows(_ONE_ROW)
+        return self._standing()
 
     def describe_last_decision(self) -> str:
         """One line for people about the last decision."""
@@ -174,7 +247,14 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         return self.core.describe(*self._last)
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """Picture (h, w, 3) of the present state with ``render_mode="rgb_array"``; the window follows by itself."""
+        """Picture (h, w, 3) of the present state with ``render_mode="rgb_array"``; the window follows by itself.
+
+        Raises:
+            gymnasium.error.ResetNeeded: before ``reset``.
+            gymnasium.error.ClosedEnvironmentError: after ``close``.
+        """
+        refuse_closed(self._closed)
+        refuse_unready(self._ready)
         return self.view.frame() if self.render_mode == "rgb_array" else None
 
     def record(self, on_frame: Callable[[NDArray[np.uint8]], None] | None, frames_per_second: float = 20.0) -> None:
@@ -192,7 +272,8 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self._on_frame, self._frames_per_second = on_frame, frames_per_second
 
     def close(self) -> None:
-        """Free the simulation; idempotent."""
+        """Free the simulation; idempotent. Nothing can be done with the environment after it."""
+        self._closed = True
         self.executor.close()
         if self._view is not None:
             self._view.close()
@@ -216,6 +297,42 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             self._window = Window(f"{type(self).__name__} {self.scenario}")
         self._window.show(frame)
 
+    @property
+    def _eyes(self) -> str:
+        """What a state's reports came from; played again on another backend, a camera would look at other times."""
+        return f"{self.perception} on {self.backend}" if self._sensing else self.perception
+
+    def _play_again(self, decisions: tuple[int, ...]) -> None:
+        """Take the episode's decisions anew, unseen, from its beginning."""
+        view = self.view
+        told = self._on_frame, self.render_mode
+        self._on_frame, self.render_mode = None, "rgb_array"
+        try:
+            if self._given is None:
+                self.core.reset_rows(_ONE_ROW, [self._dice()])
+            else:
+                self.core.load(_ONE_ROW, self.core.stack([self._given]))
+            self.executor.reset_rows(_ONE_ROW)
+            view.sense()
+            self._decisions, self._over = (), False
+            for decision in decisions:
+                self.step(decision)
+        finally:
+            self._on_frame, self.render_mode = told
+
+    def _dice(self) -> np.random.Generator:
+        """A generator that stands where this episode's field was drawn."""
+        generator = np.random.Generator(type(self.np_random.bit_generator)())
+        generator.bit_generator.state = self._drawn_from
+        return generator
+
+    def _standing(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Observation and info before any decision, and what a window shows then."""
+        if self.render_mode == "human":
+            self._put_in_window(self.view.frame())
+        observation = self._observe()
+        return observation, self._info([0.0] * len(self.core.reward_names), [0.0] * len(self.core.phase_names))
+
     def _observe(self) -> dict[str, np.ndarray]:
         observation = {name: values[0] for name, values in self.core.observe().items()}
         self._mask = observation["action_mask"].copy()
@@ -231,6 +348,11 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         }
 
     def _checked(self, action: Any) -> int:
+        """The action as a number, once it is clear that a decision is due."""
+        refuse_closed(self._closed)
+        refuse_unready(self._ready)
+        if self._over:
+            raise ResetNeeded("the episode is over: call reset() before the next step()")
         n = int(self.core.action_space.n)
         number = np.asarray(action)
         if number.size != 1 or number.dtype.kind not in "iu":

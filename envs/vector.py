@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
+from functools import partial
 from os import PathLike
 from typing import Any, ClassVar, Generic
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -14,9 +17,16 @@ from numpy.typing import NDArray
 
 from .assembly import BACKENDS, Assembly, choice
 from .core import Array, NominalExecutor, OutcomeT, PlanT, TaskCore
-from .options import checked_options, completed
+from .ended import Ended
+from .options import checked_options, checked_seeds, completed
+from .state import State, check, put, refuse_closed, taken
 
 Observation = dict[str, NDArray[Any]]
+_REMEMBERED = ("_over", "_ended")
+"""What a state holds of the environment itself."""
+_SHARED = ("action_space", "backend", "metadata", "observation_space", "perception", "render_mode", "scenario", "spec")
+_OWN = ("action_masks", "np_random", "np_random_seed")
+"""What can be asked of the worlds by name: what they share, and what each has for itself."""
 
 
 class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Generic[PlanT, OutcomeT]):
@@ -35,7 +45,9 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         autoreset_mode: ``NEXT_STEP`` (Gymnasium's default: the step after an episode's end ignores the action and
             returns the new episode's first observation with reward 0), ``SAME_STEP`` (the step that ends an episode
             returns the new one's first observation, the last one is in ``info["final_obs"]`` and
-            ``info["final_info"]``) or ``DISABLED`` (the caller resets with ``options={"reset_mask": ...}``).
+            ``info["final_info"]``) or ``DISABLED`` (the caller resets with ``options={"reset_mask": ...}``; until then
+            a world that is over stays so: whatever is chosen for it, it gives reward 0, its last observation and
+            scorecard, and ``terminated`` or ``truncated`` again).
         render_mode: None: the batch draws nothing.
         **settings: see ``scenario``.
 
@@ -75,6 +87,8 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self._generators: list[np.random.Generator | None] = [None] * core.worlds
         self._seeds = [-1] * core.worlds
         self._over = np.zeros(core.worlds, bool)
+        self._ready, self._ended = False, Ended()
+        self._named: dict[str, tuple[Any, ...]] = {}
         self._mask = np.zeros((core.worlds, int(core.action_space.n)), np.int8)
 
     @classmethod
@@ -91,20 +105,17 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         """Start new episodes.
 
         Args:
-            seed: one number (world i gets ``seed + i``), one number or None a world, or None to go on drawing.
+            seed: a whole number (world i gets ``seed + i``), a number or None for each world, or None to go on drawing.
             options: ``{"reset_mask": bool (n,)}`` resets only those worlds; ``{"fields": [...]}`` plays these fields
                 (or files), one a world that is reset, instead of drawing.
 
         Raises:
             ValueError: the seeds, the mask or the fields do not fit the number of worlds, or an option is unknown.
+            gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
+        refuse_closed(self.closed)
         n = self.num_envs
-        if seed is None or isinstance(seed, int):
-            seeds = [None if seed is None else seed + i for i in range(n)]
-        else:
-            seeds = list(seed)
-        if len(seeds) != n:
-            raise ValueError(f"{len(seeds)} seeds for {n} worlds: give one seed a world, or a single number")
+        seeds = checked_seeds(seed, n)
         asked = checked_options(options, ("reset_mask", "fields"))
         chosen = np.asarray(asked.get("reset_mask", np.ones(n, bool)))
         if chosen.shape != (n,) or chosen.dtype != bool or not chosen.any():
@@ -114,6 +125,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
                 self._generators[i], self._seeds[i] = seeding.np_random(seeds[i])
         self._restart(np.flatnonzero(chosen), asked.get("fields"))
         self._over[chosen] = False
+        self._ready = all(generator is not None for generator in self._generators)
         observation = self._observe()
         nothing = np.zeros((n, len(self.core.reward_names))), np.zeros((n, len(self.core.phase_names)))
         return observation, self._info(*nothing, chosen)
@@ -125,20 +137,29 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
 
         Raises:
             ValueError: the actions are no integers of the action space, one a world.
+            gymnasium.error.ResetNeeded: a world was not reset yet.
+            gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
         plan = self.core.plan(self._checked(actions))
         result = self.core.apply(plan, self.executor.execute(plan))
         terms, phases, terminated, truncated = result
         extra: dict[str, Any] = {}
+        resting = self.autoreset_mode is AutoresetMode.DISABLED
+        if resting and self._over.any():
+            terms[self._over], phases[self._over] = 0.0, 0.0
+            self._ended.show(self._over, {"terminated": terminated, "truncated": truncated})
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._over.any():
             # The finished worlds stepped along in the batch; what they did is overwritten by their new episode.
             waking = self._over.copy()
             self._restart(np.flatnonzero(waking))
             terms[waking], phases[waking], terminated[waking], truncated[waking] = 0.0, 0.0, False, False
-        self._over = terminated | truncated
+        before, self._over = self._over, terminated | truncated
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
             extra = self._final(terms, phases)
             self._restart(np.flatnonzero(self._over))
+        if resting and (ending := self._over & ~before).any():
+            ends = {"terminated": terminated, "truncated": truncated, "scores": self.core.scores()}
+            self._ended.keep(ending, self.core.observe() | ends)
         observation = self._observe()
         # Added up as the single environment adds its terms.
         reward = sum(terms[:, i] for i in range(terms.shape[1]))
@@ -149,8 +170,91 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         return observation, np.asarray(reward), terminated, truncated, info
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """Which actions are possible now, bool (num_envs, n)."""
+        """Which actions are possible now, bool (num_envs, n).
+
+        Raises:
+            gymnasium.error.ResetNeeded: a world was not reset yet.
+        """
+        self._refuse_unready()
         return self._mask.astype(bool)
+
+    def get_state(self) -> State:
+        """Where the worlds stand; ``set_state`` goes back to it, here or in a batch of equal arguments.
+
+        Raises:
+            gymnasium.error.ResetNeeded: a world was not reset yet.
+        """
+        self._refuse_unready()
+        chance = ((g.bit_generator.state, seed) for g, seed in zip(self._generators, self._seeds, strict=True) if g)
+        remembered = {name: copy.deepcopy(getattr(self, name)) for name in _REMEMBERED}
+        return taken(self.core, self.perception, tuple(chance), remembered)
+
+    def set_state(self, state: State) -> tuple[Observation, dict[str, Any]]:
+        """Stand where a state was taken, the chance of later episodes included.
+
+        Returns:
+            Observation and info as of a reset.
+
+        Raises:
+            ValueError: the state is of another configuration, perception, number of worlds or kind.
+        """
+        refuse_closed(self.closed)
+        check(state, self.core, self.perception, _REMEMBERED)
+        for row, (chance, seed) in enumerate(state.chance):
+            generator, _ = seeding.np_random(0)
+            generator.bit_generator.state = chance
+            self._generators[row], self._seeds[row] = generator, -1 if seed is None else seed
+        put(state, self.core)
+        vars(self).update(copy.deepcopy(dict(state.remembered)))
+        self._ready = True
+        self.executor.reset_rows(np.arange(self.num_envs))
+        observation = self._observe()
+        nothing = np.zeros((self.num_envs, len(self.core.reward_names)))
+        none = np.zeros((self.num_envs, len(self.core.phase_names)))
+        return observation, self._info(nothing, none, np.ones(self.num_envs, bool))
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """What ``name`` is in every world, or gives where it can be called, as Gymnasium's ``SyncVectorEnv`` answers.
+
+        Raises:
+            AttributeError: see ``get_attr``.
+        """
+        return tuple(value(*args, **kwargs) if callable(value) else value for value in self.get_attr(name))
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of every world: what it has for itself, what the worlds share, or what ``set_attr`` gave it.
+
+        Raises:
+            AttributeError: the worlds of a batch have no attribute of this name.
+        """
+        if name in self._named:
+            return self._named[name]
+        if name == "action_masks":
+            return tuple(partial(self._mask_of, row) for row in range(self.num_envs))
+        if name in _OWN:
+            return getattr(self, name)
+        if name in ("action_space", "observation_space"):
+            return (getattr(self, f"single_{name}"),) * self.num_envs
+        if name in _SHARED:
+            return (getattr(self, name),) * self.num_envs
+        known = ", ".join((*_OWN, *_SHARED, *self._named))
+        raise AttributeError(
+            f"the worlds of a batch have no attribute {name!r}: ask for {known}, or the batch's `core`"
+        )
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Give every world an attribute of a caller's own: a list or tuple of one value a world, or one for all.
+
+        Raises:
+            AttributeError: the environment has an attribute of this name; worlds cannot change what they share.
+            ValueError: there are more or fewer values than worlds.
+        """
+        if name not in self._named and hasattr(self, name):
+            raise AttributeError(f"{name!r} cannot be set: the worlds of a batch share it, make another batch")
+        values = tuple(values) if isinstance(values, list | tuple) else (values,) * self.num_envs
+        if len(values) != self.num_envs:
+            raise ValueError(f"{len(values)} values for {self.num_envs} worlds: give one a world, or a single one")
+        self._named[name] = values
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
@@ -178,19 +282,34 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             self.core.load(rows, self.core.stack(whole))
         self.executor.reset_rows(rows)
 
+    def _refuse_unready(self) -> None:
+        """Refuse to go on after ``close``, and while a world was never reset."""
+        refuse_closed(self.closed)
+        if not self._ready:
+            waiting = next(row for row, generator in enumerate(self._generators) if generator is None)
+            raise ResetNeeded(f"world {waiting} was not reset yet: call reset() first, for every world")
+
+    def _mask_of(self, row: int) -> NDArray[np.bool_]:
+        return self.action_masks()[row]
+
     def _observe(self) -> Observation:
         observation = self.core.observe()
+        if self.autoreset_mode is AutoresetMode.DISABLED:
+            self._ended.show(self._over, observation)
         self._mask = observation["action_mask"].copy()
         return observation
 
     def _info(self, terms: Array, phases: Array, present: NDArray[np.bool_]) -> dict[str, Any]:
-        core = self.core
+        core, scores = self.core, self.core.scores()
+        if self.autoreset_mode is AutoresetMode.DISABLED:
+            self._ended.show(self._over, {"scores": scores})
         parts = {
             "rewards": self._columns(core.reward_names, terms, present),
             "phases_s": self._columns(core.phase_names, phases, present),
-            "scorecard": self._columns(core.score_names, core.scores(), present),
+            "scorecard": self._columns(core.score_names, scores, present),
         }
-        info: dict[str, Any] = {"action_mask": self._mask.copy(), "_action_mask": present.copy()}
+        mask = np.where(present[:, None], self._mask, np.int8(0))
+        info: dict[str, Any] = {"action_mask": mask, "_action_mask": present.copy()}
         for name, part in parts.items():
             info[name], info["_" + name] = part, present.copy()
         return info
@@ -216,6 +335,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         return columns
 
     def _checked(self, actions: Any) -> NDArray[np.int64]:
+        self._refuse_unready()
         n = int(self.core.action_space.n)
         numbers = np.asarray(actions)
         if numbers.shape != (self.num_envs,) or numbers.dtype.kind not in "iu":

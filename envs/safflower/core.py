@@ -47,6 +47,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     machine_features = names(Machine)
     candidate_features = names(Candidate)
     field_type = SafflowerField
+    replaced = ("loaded",)
 
     def __init__(self, config: SafflowerConfig, perception: PerceptionModel | None, worlds: int = 1):
         """Allocate the state."""
