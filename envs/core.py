@@ -68,8 +68,8 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
         machine_features: what policies are shown of the machine.
         candidate_features: what policies are shown of each candidate; the first says whether the slot is taken.
         field_type: what a field of this task is.
-        replaced: names of attributes that ``load`` replaces as a whole, beside the arrays that the rules work on; a state
-            of the environment holds them too.
+        replaced: names of attributes that ``load`` replaces as a whole, beside the arrays that the rules work on; an
+            environment's state holds them too.
     """
 
     config: Any

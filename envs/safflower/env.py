@@ -64,7 +64,7 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
       stop in the fixed order, empty rows zero: ``present``, ``along`` report
       minus arm plane / 0.3 m, ``across`` / 0.15 m, ``height`` / 0.2 m, ``travel`` time to get there / 4 s, one-hot
       reported stage (``bud``, ``fresh``, ``late``, ``dry``), ``size`` filament spread / 0.05 m, ``reachable``.
-    - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
+    - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.unwrapped.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``, in grams: ``collected`` filaments, ``lost`` ones that a pick left on
     the head or dropped (-0.25 a gram), ``time`` (-0.008 a second).

@@ -71,7 +71,7 @@ class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
       expected share of grips that hold, ``approach`` seconds until the tool is over it,
       ``wait`` before that / 4 s, ``cycle`` until the item is in its bin / 2 s, ``slack`` until it is too late / 4 s,
       ``possible``.
-    - ``action_mask`` (K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
+    - ``action_mask`` (K + 1,) int8; also in ``info["action_mask"]`` and ``env.unwrapped.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``: ``placed`` (value of the grade), ``misplaced`` (-0.5 for a wrong bin),
     ``dropped`` (-0.5 on the way), ``wasted`` (-0.05 for a grip that held nothing).

@@ -79,7 +79,7 @@ class TrayTransplantingEnv(TaskEnv[TransplantPlan, TransplantOutcome]):
       pairs zero: ``present``, ``source`` and ``target`` place across / 0.3 m, ``carry`` seconds at normal speed,
       ``approach`` seconds until the tool is at the source cell (with the clearing, without gripping), ``source_poor``
       and ``clear`` whether the cells are reported poor.
-    - ``action_mask`` (3 K + 2,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
+    - ``action_mask`` (3 K + 2,) int8; also in ``info["action_mask"]`` and ``env.unwrapped.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``, in cells: ``planted`` healthy target cells gained or destroyed,
     ``spoiled`` healthy seedlings torn, lost, damaged or sent away with their row (-0.2 each), ``time`` (-0.2 a second).

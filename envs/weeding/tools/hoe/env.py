@@ -77,7 +77,7 @@ class HoeWeedingEnv(WeedingEnv):
       ``lean_across`` the blade's place across / 0.2 m, ``speed`` and ``set_speed`` of the cart / 0.1 m/s, ``progress``
       of the cart / strip, ``backlog`` candidates / K.
     - ``candidates`` (K x 11,), as in ``fieldgym/LaserWeeding-v0``.
-    - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
+    - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.unwrapped.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed``, ``crop`` (-5 a crop plant that is lost), ``time``
     (-0.05 a second), ``energy`` (-0.0005 a joule of work against the soil).

@@ -77,7 +77,7 @@ class LaserWeedingEnv(WeedingEnv):
       ``move`` seconds to get there / 0.5 s, ``wait`` seconds until it is within the window then / 0.5 s (normal dose),
       ``grass`` reported species, one-hot reported stage (cotyledon, two-leaf, four-leaf), ``crop_gap`` reported
       distance to the nearest crop plant / 0.05 m, at most 4.
-    - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.action_masks()``.
+    - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.unwrapped.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed``, ``crop`` (-5 a crop plant that dies), ``time``
     (-0.05 a second), ``energy`` (-0.0005 a joule).
