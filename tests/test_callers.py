@@ -3,6 +3,7 @@
 import copy
 import pickle
 from dataclasses import replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +17,7 @@ OWN = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
 PICKER, TRAYS, LASER, SORTER = OWN[0], OWN[1], OWN[2], OWN[-1]
 BACKENDS = ("analytic", "pybullet")
 EQUIPPED = [(env_id, backend) for env_id in OWN for backend in BACKENDS]
-SEEN: list[object] = [(env_id, backend, "perfect") for env_id, backend in EQUIPPED]
+SEEN: list[Any] = [(env_id, backend, "perfect") for env_id, backend in EQUIPPED]
 SLOW = pytest.mark.slow
 SEEN += [
     pytest.param(TRAYS, "pybullet", "camera", marks=SLOW),
@@ -24,11 +25,11 @@ SEEN += [
 ]
 
 
-def single(env_id, backend="analytic", perception="perfect", **kwargs):
+def single(env_id, backend="analytic", perception="perfect", **kwargs) -> Any:
     return gym.make(env_id, backend=backend, perception=perception, **kwargs).unwrapped
 
 
-def batch(env_id, worlds, mode="NextStep", **kwargs):
+def batch(env_id, worlds, mode="NextStep", **kwargs) -> Any:
     return gym.make_vec(env_id, worlds, vectorization_mode="vector_entry_point", autoreset_mode=mode, **kwargs)
 
 
@@ -95,7 +96,8 @@ def test_worlds_of_a_batch_that_are_over_stay_so(env_id):
     worlds, rng = 3, np.random.default_rng(2)
     env = batch(env_id, worlds, "Disabled", perception="perfect")
     observation, info = env.reset(seed=7)
-    over, last = np.zeros(worlds, bool), [None] * worlds
+    over = np.zeros(worlds, bool)
+    last: list[Any] = [()] * worlds
     checked = 0
     while not over.all() or checked < 20:
         actions = np.array([chosen(mask, rng) for mask in observation["action_mask"]])
@@ -264,7 +266,7 @@ def test_slots_are_a_whole_number(env_id, slots):
 
 
 def test_masks_are_found_behind_wrappers_as_the_readme_says():
-    env = gym.make(PICKER, backend="analytic")
+    env: Any = gym.make(PICKER, backend="analytic")
     _, info = env.reset(seed=1)
     assert np.array_equal(env.unwrapped.action_masks(), info["action_mask"] > 0)
     assert np.array_equal(env.get_wrapper_attr("action_masks")(), info["action_mask"] > 0)
@@ -272,7 +274,7 @@ def test_masks_are_found_behind_wrappers_as_the_readme_says():
 
 def test_a_batch_answers_as_gymnasium_s_does():
     env = batch(PICKER, 3, perception="perfect")
-    made = gym.vector.SyncVectorEnv([lambda: gym.make(PICKER, backend="analytic", perception="perfect")] * 3)
+    made: Any = gym.vector.SyncVectorEnv([lambda: gym.make(PICKER, backend="analytic", perception="perfect")] * 3)
     env.reset(seed=2)
     made.reset(seed=2)
     for name in ("action_masks", "scenario", "backend", "perception", "np_random_seed", "action_space", "render_mode"):
