@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -259,6 +260,8 @@ def execute(app: typer.Typer, name: str) -> NoReturn:
             stream.reconfigure(errors="replace")  # a table with a question mark in it is better than none
     _guard_output()
     try:
+        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # as the package set it for the time of its loading
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         code = app(prog_name=name, standalone_mode=False)
         sys.stdout.flush()
     except CommandError as error:

@@ -4,6 +4,7 @@ import ast
 import json
 import os
 import random
+import signal
 import subprocess
 import sys
 import warnings
@@ -494,3 +495,25 @@ def test_markdown_escapes_names(tmp_path: Path):
 def test_a_video_has_a_speed(speed: str):
     done = run_python(COMMAND, "run", "SafflowerPicking", "--speed", speed)
     assert done.returncode == 2 and done.stderr.startswith(f"fieldgym: --speed {float(speed)}: give a factor")
+
+
+def test_ctrl_c_while_the_command_loads_ends_it_quietly(tmp_path: Path):
+    """The script that pip makes is called fieldgym; Ctrl-C comes before main is called."""
+    script = tmp_path / "fieldgym"
+    loading = "import os, signal, fieldgym; {}os.kill(os.getpid(), signal.SIGINT); print('went on')"
+    script.write_text(loading.format("signal.signal(signal.SIGINT, signal.SIG_IGN); "), "utf-8")
+    ignored = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
+    assert (ignored.returncode, ignored.stdout, ignored.stderr) == (0, "went on\n", "")
+    script.write_text(
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); " + loading.format(""), "utf-8"
+    )
+    stopped = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
+    assert (stopped.returncode, stopped.stdout, stopped.stderr) == (-signal.SIGINT, "", "")
+    script.write_text(
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import os, typer\n"
+        "from fieldgym.scripts.common import execute\napp = typer.Typer()\n"
+        "@app.command()\ndef main() -> None:\n    os.kill(os.getpid(), signal.SIGINT)\nexecute(app, 'fieldgym')\n",
+        "utf-8",
+    )
+    told = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
+    assert told.returncode == 130 and "Traceback" not in told.stderr
