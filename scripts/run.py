@@ -83,7 +83,7 @@ def main(
     source = policy_of(env_id, policy or reference_policy(env_id), trust)
     seeds = seeds_of(seed, episodes, fields, 1)
     if not 0.0 < speed <= MOST_SPEED:
-        raise CommandError(f"--speed {speed}: give a factor above 0 and up to {MOST_SPEED:g}, 1 is real time")
+        raise CommandError(f"--speed {speed}: give a positive factor up to {MOST_SPEED:g}, 1 is real time")
     condition = condition_of(env_id, scenario, backend, perception, sets or (), fields)
     options: dict[str, Any] = {"backend": condition.backend, **condition.settings}
     files = fields_of(condition, seed)
