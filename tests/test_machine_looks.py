@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fieldgym.envs.sorting.config import SortingConfig
 from fieldgym.envs.sorting.scene import SorterScene
@@ -19,6 +20,7 @@ from fieldgym.simulation.picker import PickerMachine
 from fieldgym.simulation.picker_model import JOINTS, PickerParameters, picker_joints, picker_robot
 from fieldgym.simulation.prrs_looks import PrrsLooks
 from fieldgym.simulation.sorter import SorterMachine
+from fieldgym.simulation.urdf import Box, Colour, Joint, Link, Part, Robot
 from fieldgym.simulation.weeder import WeederMachine
 from fieldgym.simulation.weeder_model import JOINTS as WEEDER_JOINTS
 from fieldgym.simulation.weeder_model import WeederParameters, weeder_joints, weeder_robot
@@ -68,6 +70,31 @@ def test_the_3_prrs_is_drawn_where_it_stands(kind, monkeypatch):
         assert ahead == pytest.approx(np.tile([2.0, 0.0, 0.0], (len(ahead), 1)), abs=1e-9)
 
 
+def test_joints_turn_and_slide_about_any_axis():
+    """A tree with a fixed turn, a skew hinge and a skew slide, against SciPy's rotations."""
+    grey, axis = Colour("grey", 0.5, 0.5, 0.5), (2.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0)
+    links = tuple(Link(name, 1.0, (Part(Box((0.1, 0.2, 0.3)), grey),)) for name in "abcd")
+    joints = (
+        Joint("fix", "fixed", "a", "b", (0.1, 0.2, 0.3), (0.3, -0.4, 0.5)),
+        Joint("hinge", "continuous", "b", "c", (0.0, 0.5, 0.0), (0.1, 0.2, 0.3), axis),
+        Joint("slide", "prismatic", "c", "d", (0.0, 0.0, 0.4), (-0.2, 0.0, 0.7), axis),
+    )
+    looks = MachineLooks(MeshLibrary(), [Robot("skew", links, joints)])
+    assert looks.joints == ("hinge", "slide") and looks.links == ("a", "b", "c", "d")
+    base = Rotation.from_euler("xyz", (0.5, 0.6, 0.7)).as_matrix(), np.array([1.0, 2.0, 3.0])
+    parts, turn, shift = looks.place([0.8, -0.25], {"a": base})
+    for k, joint in enumerate(joints, 1):
+        rest = Rotation.from_euler("xyz", joint.rpy_rad)
+        own = {"hinge": Rotation.from_rotvec(0.8 * np.array(axis))}.get(joint.name, Rotation.identity())
+        slid = -0.25 * np.array(axis) if joint.name == "slide" else np.zeros(3)
+        place = shift[k - 1] + turn[k - 1] @ (np.array(joint.xyz_m) + rest.apply(slid))
+        assert turn[k] == pytest.approx(turn[k - 1] @ (rest * own).as_matrix(), abs=1e-12)
+        assert shift[k] == pytest.approx(place, abs=1e-12)
+    assert parts.shift == pytest.approx(shift, abs=1e-9) and parts.turn == pytest.approx(turn, abs=1e-9)
+    with pytest.raises(ValueError, match="hinge"):
+        looks.place([0.0])
+
+
 def test_poses_that_are_none_are_refused():
     looks = PrrsLooks(MeshLibrary(), HoeMachine().parameters)
     for pose in ([np.nan] * 6, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0]):
@@ -98,7 +125,7 @@ def test_a_hose_runs_from_end_to_end_without_a_gap():
     hose = Hose(library, 0.75, 0.016, (0.9, 0.9, 0.9))
     start, end = np.array([0.0, 0.1, 0.5]), np.array([-0.3, 0.2, 1.0])
     things = hose.lay(start, (0.0, 0.0, 0.2), end, (0.1, 0.0, 0.0))
-    half = 0.5 * 1.1 * 0.75 / len(things.mesh)
+    half = library.meshes.radius[0] - 0.016
     tips = [things.shift + sign * half * things.turn[:, :, 2] for sign in (-1.0, 1.0)]
     assert np.linalg.norm(tips[0][0] - start) < 0.02 and np.linalg.norm(tips[1][-1] - end) < 0.02
-    assert np.linalg.norm(tips[1][:-1] - tips[0][1:], axis=1).max() < 0.02
+    assert np.linalg.norm(np.diff(things.shift, axis=0), axis=1).max() < 2.0 * half

@@ -11,12 +11,14 @@ from fieldgym.rendering.library import GRID, MeshLibrary
 from fieldgym.rendering.noise import add_noise, normals, stream
 from fieldgym.rendering.plants import spiny_leaf, tuft, whorl
 from fieldgym.rendering.renderer import SUN, Renderer, level_colour
-from fieldgym.rendering.shapes import Mesh, ball, box, cylinder, ellipsoid, flat_shaded, frustum, rod
+from fieldgym.rendering.shapes import Mesh, ball, box, cylinder, ellipsoid, flat_shaded, frustum, merged, rod
+from fieldgym.simulation.stage import Stage
 
 CAMERA = Camera(160, 120, np.deg2rad(46.0), 0.1, 3.0)
 EYE, UP = np.array([0.0, 0.0, 0.8]), np.array([0.0, 1.0, 0.0])
 DOWN = EYE - np.array([0.0, 0.0, 1.0])
 RED = (0.9, 0.1, 0.1)
+ONE = np.array([[0, 1, 2]])
 
 
 @pytest.fixture(scope="module")
@@ -88,13 +90,12 @@ def test_a_face_shows_its_front_alone_unless_its_twin_shows_the_back():
 def test_what_is_nearer_than_near_is_cut_away_and_no_more():
     """A wall that runs from behind the camera into its view is seen from ``near_m`` on."""
     wall = box((0.02, 2.0, 2.0))
-    look = seen(wall, place=(0.15, 0.0, 0.8))
-    depth = look.frame.depth_m[look.identity == 7]
-    assert depth.min() == pytest.approx(look.frame.depth_m.min())
-    # The wall's face at x = 0.14 leaves the picture's right edge at this depth, unless near comes first.
-    focal, centre = look.frame.camera.intrinsics[0, [0, 2]]
-    edge = 0.14 * focal / (CAMERA.width - 1 - centre)
-    assert depth.min() == pytest.approx(max(edge, CAMERA.near_m), rel=0.02)
+    for face, nearest in ((0.02, CAMERA.near_m), (0.14, 0.14 * 2.0 * np.tan(np.deg2rad(23.0)) ** -1 * 60.0 / 158.0)):
+        look = seen(wall, place=(face + 0.01, 0.0, 0.8))
+        depth = look.frame.depth_m[look.identity == 7]
+        # Unless near comes first, the wall leaves the picture at its right edge.
+        assert depth.min() == pytest.approx(nearest, rel=0.02) and depth.min() > CAMERA.near_m - 1e-6
+        assert len(depth) > 1000
     housing = seen(box((0.15, 0.15, 0.15)), place=EYE)
     assert (housing.identity == -1).all(), "a camera sees out of its own housing"
     cut = seen(box((4.0, 4.0, 0.2)), place=(0.0, 0.0, 0.65), camera=Camera(160, 120, np.deg2rad(46.0), 0.02, 3.0))
@@ -127,6 +128,21 @@ def test_a_stretched_ball_is_an_ellipsoid_with_its_light():
         < 1e-5
     )
     assert np.abs(stretched.frame.rgb.astype(int) - whole.frame.rgb)[stretched.identity == whole.identity].max() <= 2
+
+
+def test_what_reaches_into_the_picture_is_drawn_wherever_its_middle_is():
+    """The same mesh with a speck far away, whose ball is never left out, gives the same picture."""
+    leaf, speck = spiny_leaf(0.3, 0.05, 0.02), flat_shaded(np.array([[9.0, 0, 0], [9.0, 0, 1e-4], [9.0, 1e-4, 0]]), ONE)
+    library = MeshLibrary()
+    kinds = library.add(leaf), library.add(merged(leaf, speck))
+    renderer, numbers = Renderer(library), np.random.default_rng(6)
+    visible = 0
+    for _ in range(150):
+        place, turn = numbers.uniform((-0.7, -0.6, 0.0), (0.7, 0.6, 0.7)), about_z(numbers.uniform(0.0, 7.0))
+        one, other = (renderer.look(instances(kind, place, turn, RED, 7), CAMERA, EYE, DOWN, UP) for kind in kinds)
+        assert np.array_equal(one.identity, other.identity)
+        visible += 0 < (one.identity == 7).sum() < 200
+    assert visible > 10
 
 
 def test_balls_about_meshes_hide_nothing(garden):
@@ -195,6 +211,31 @@ def test_a_shadow_falls_away_from_the_sun_and_marks_throw_none():
     assert 200 < darker.sum() < 2000
     assert along.max() == pytest.approx(np.linalg.norm(way) + corner, abs=0.02) and along.min() > -corner
     assert (bare[0, 0] == level_colour((0.6, 0.6, 0.6))).all()
+
+
+def test_what_the_sun_reaches_does_not_shade_itself():
+    library = MeshLibrary()
+    plate = instances(library.add(box((1.0, 1.0, 0.02))), (0.0, 0.0, 0.0), None, RED)
+    things = joined([plate, instances(library.add(ball(0.2)), (0.0, 0.0, 0.4), None, RED)])
+    renderer, view = Renderer(library), (CAMERA, [0.0, -1.4, 0.9], [0.0, 0.0, 0.1], np.zeros(3))
+    bare, shaded = renderer.picture(things, joined([]), *view), renderer.picture(things, things, *view)
+    changed = (bare != shaded).any(axis=-1)
+    # The ball's shadow lies on the plate; nowhere else is it darker, but on the ball's own edge of night.
+    assert 0.01 < changed.mean() < 0.06
+    assert (renderer.picture(plate, plate, *view) == renderer.picture(plate, joined([]), *view)).all()
+
+
+def test_marks_for_people_throw_no_shadow():
+    stage = Stage()
+    ground, post = stage.library.add(box((6.0, 6.0, 0.02))), stage.library.add(box((0.1, 0.1, 0.4)))
+    stage.put("ground", instances(ground, (0.0, 0.0, -0.01), None, (0.6, 0.6, 0.6)))
+    pictures = []
+    for shadow in (True, False):
+        stage.put("post" if shadow else "mark", instances(post, (0.0, 0.0, 0.2), None, RED), shadow=shadow)
+        pictures.append(stage.picture(CAMERA, (0.0, -0.01, 3.0), np.zeros(3), np.zeros(3)).astype(int))
+        stage.put("post", joined([]))
+    dark = int(0.62 * 153 + 0.5 * 0.35 * 153)
+    assert [np.count_nonzero(picture[..., 0] < dark) > 50 for picture in pictures] == [True, False]
 
 
 def test_edges_in_pictures_are_blended_with_the_sky():
