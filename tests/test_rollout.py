@@ -62,7 +62,7 @@ def test_a_batch_counts_each_world_until_its_end_and_no_further():
     observation, _ = env.reset(seed=[1, 2, 3])
     played = list(rollout.batch_decisions(env, policy, observation))
     assert len(played) == ENDS.max()
-    assert sum(step.under_way.astype(int) for step in played).tolist() == ENDS.tolist()
+    assert np.sum([step.under_way for step in played], axis=0).tolist() == ENDS.tolist()
     assert [np.flatnonzero(step.ending).tolist() for step in played] == [[], [0], [2], [1]]
     assert [int(step.observation["step"][0]) for step in played] == policy.saw == [0, 1, 2, 3]
     assert [step.info["n"] for step in played] == [1, 2, 3, 4]

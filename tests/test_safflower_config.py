@@ -68,7 +68,7 @@ def play(config: SafflowerConfig, perception: PerceptionModel) -> None:
     for _ in range(6):
         observation = core.observe()
         for name, values in observation.items():
-            space = core.observation_space[name]
+            space: Any = core.observation_space[name]
             assert np.isfinite(values).all() and (values >= space.low).all() and (values <= space.high).all(), name
         assert np.isfinite(core.scores()).all()
         lots = np.where(observation["action_mask"] > 0, rng.random(observation["action_mask"].shape), -1.0)

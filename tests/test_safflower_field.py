@@ -20,6 +20,11 @@ ID = "fieldgym/SafflowerPicking-v0"
 TOYS = SafflowerField.toy()
 
 
+def reports(*columns: Any) -> Reports:
+    """Reports from lists, as a user may give them."""
+    return Reports(*columns)
+
+
 def same(a: Any, b: Any) -> bool:
     """Whether two nested results are equal, bit for bit."""
     if isinstance(a, Mapping):
@@ -81,7 +86,7 @@ def heads(*places: tuple[float, float, float], **columns: Any) -> Heads:
 def test_places_and_stages_are_enough():
     core, rng = core_of(), np.random.default_rng(0)
     given = SafflowerField(heads((0.0, 0.05, 0.80), (0.45, 0.0, 0.90), (0.5, 0.1, 0.95), stage=[1, 0, 2]))
-    whole = core.complete(given, rng)
+    whole: Any = core.complete(given, rng)
     again = core.complete(given, np.random.default_rng(0))
     assert whole == again and whole != core.complete(given, np.random.default_rng(1))
     assert whole.heads.mass_g.tolist() == [core.config.head_mass_g, 0.0, core.config.head_mass_g]
@@ -101,14 +106,14 @@ def test_what_is_given_is_kept():
         (0.0, 0.05, 0.80), (0.45, 0.0, 0.90), mass_g=[0.5, 0.1], size_m=[0.05, 0.04], slot=[-1, 0], plant=[1, 0]
     )
     plants = replace(Plants.empty(2), along_m=np.array([0.0, 0.45]), height_m=np.array([0.7, 0.8]))
-    whole = core.complete(SafflowerField(table, plants), rng)
+    whole: Any = core.complete(SafflowerField(table, plants), rng)
     assert whole.heads.slot.tolist() == [1, 0] and whole.heads.plant.tolist() == [1, 0]
     assert whole.heads.mass_g.tolist() == [0.5, 0.1] and whole.plants.height_m.tolist() == [0.7, 0.8]
     core.load(np.array([0]), core.stack([whole]))
     assert core.state.head_mass_g[0, :2].tolist() == [0.1, 0.5] and core.loaded.plants.count[0] == 2
     # Reports name heads by their rows, wherever the rules keep those.
     assert core.state.track_head[0, :2].tolist() == [1, 0] and whole.reports.head.tolist() == [0, 1]
-    back = core.unstack(core.stack([whole]))[0]
+    back: Any = core.unstack(core.stack([whole]))[0]
     assert back.heads.mass_g.tolist() == [0.1, 0.5] and same(back.plants.arrays(), whole.plants.arrays())
 
 
@@ -133,11 +138,11 @@ def test_what_is_given_is_kept():
             "16 plants: the scenario has room for 15",
         ),
         (
-            SafflowerField(heads((0.0, 0.0, 0.8)), reports=Reports([0.0], [0.0], [0.8], [1], [0.05], [1])),
+            SafflowerField(heads((0.0, 0.0, 0.8)), reports=reports([0.0], [0.0], [0.8], [1], [0.05], [1])),
             "reports 1: head = 1: there are 1 heads, counted from 0",
         ),
         (
-            SafflowerField(heads((0.0, 0.0, 0.8)), reports=Reports(*([np.zeros(81)] * 3), *([np.zeros(81, int)] * 3))),
+            SafflowerField(heads((0.0, 0.0, 0.8)), reports=reports(*([np.zeros(81)] * 3), *([np.zeros(81, int)] * 3))),
             "81 reports: the scenario has room for 80",
         ),
         (7, "field is a int: this task takes a SafflowerField"),
@@ -152,20 +157,21 @@ def test_what_does_not_fit_is_named(field, says):
 def test_reports_belong_to_the_camera_that_made_them():
     model, perfect = PerceptionModel.measured("row"), PerceptionModel.perfect()
     config = override(SafflowerConfig(), {"scenario": SCENARIOS["row"]})
-    field = draw(config, np.random.default_rng(3), model)
+    field: Any = draw(config, np.random.default_rng(3), model)
     codes = [Camera.of(statistics).code.tolist() for statistics in (model, perfect)]
     assert field.camera.code.tolist() == codes[0] != codes[1]
-    seen = SafflowerCore(config, model, 1).complete(field, np.random.default_rng(9))
+    seen: Any = SafflowerCore(config, model, 1).complete(field, np.random.default_rng(9))
     assert seen == field
-    derived = SafflowerCore(config, perfect, 1).complete(field, np.random.default_rng(9))
+    derived: Any = SafflowerCore(config, perfect, 1).complete(field, np.random.default_rng(9))
     assert same(derived.heads.arrays(), field.heads.arrays()) and derived.camera.code.tolist() == codes[1]
     assert sorted(derived.reports.head.tolist()) == np.flatnonzero(field.heads.stage > 0).tolist()
-    rendered = SafflowerCore(config, None, 1).complete(field, np.random.default_rng(9))
+    rendered: Any = SafflowerCore(config, None, 1).complete(field, np.random.default_rng(9))
     assert rendered.reports is None and rendered.camera is None and same(rendered.heads.arrays(), field.heads.arrays())
     # Nothing is reported of a field in which nothing was seen, but a field without reports is looked at.
     unseen = replace(field, reports=Reports.empty())
-    assert len(SafflowerCore(config, model, 1).complete(unseen, np.random.default_rng(9)).reports) == 0
-    assert len(SafflowerCore(config, model, 1).complete(replace(field, reports=None), np.random.default_rng(9)).reports)
+    looking: Any = SafflowerCore(config, model, 1)
+    assert len(looking.complete(unseen, np.random.default_rng(9)).reports) == 0
+    assert len(looking.complete(replace(field, reports=None), np.random.default_rng(9)).reports)
 
 
 def test_a_field_does_not_depend_on_what_is_drawn_beside_it():

@@ -35,7 +35,7 @@ class Oracle:
             {name: getattr(reports, name)[row] for name in reports.columns()} for row in range(len(reports.head))
         ]
         self.clock = self.process.recognise_s
-        self.phases = dict.fromkeys(("recognise", "drive", "travel", "settle", "shear", "suck"), 0.0)
+        self.phases: dict[str, float] = dict.fromkeys(("recognise", "drive", "travel", "settle", "shear", "suck"), 0.0)
         self.phases["recognise"] = self.clock
         self.counts = dict.fromkeys(("damaged", "illegal", "wasted"), 0)
         self.last = self.box = self.floor = 0.0
@@ -126,7 +126,7 @@ class Oracle:
     def step(self, action: int) -> dict[str, float]:
         """The reward's terms of a decision."""
         slot, effort = divmod(action, 3)
-        spent = dict.fromkeys(self.phases, 0.0)
+        spent: dict[str, float] = dict.fromkeys(self.phases, 0.0)
         terms = {"collected": 0.0, "lost": 0.0}
         if slot == self.config.slots:
             last = self.stop + 1 == self.scenario.stops

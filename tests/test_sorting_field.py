@@ -206,7 +206,8 @@ def test_reports_are_made_by_the_camera_that_is_there():
     made = perfect.complete(seen, np.random.default_rng(1)).reports
     assert made is not None and np.array_equal(made.across_m, seen.items.across_m)
     assert model.complete(seen, np.random.default_rng(2)) == seen
-    told = replace(seen, camera=replace(seen.camera, code=[ABSENT]))
+    assert seen.camera is not None
+    told = replace(seen, camera=replace(seen.camera, code=np.array([ABSENT])))
     kept = perfect.complete(told, np.random.default_rng(1)).reports
     assert kept is not None and np.array_equal(kept.across_m, seen.reports.across_m)
 

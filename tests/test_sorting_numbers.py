@@ -192,9 +192,10 @@ class Log:
 
     def __init__(self, field: ProduceField):
         self.items, self.time_s, self.value = field.items, 0.0, 0.0
-        self.last_s = dict.fromkeys(("placed", "misplaced", "dropped", "wasted"), 0.0)
-        self.count = dict.fromkeys((*Rewards._fields, "illegal"), 0)
-        self.phases, self.gone = dict.fromkeys(Phases._fields, 0.0), set()
+        self.last_s: dict[str, float] = dict.fromkeys(("placed", "misplaced", "dropped", "wasted"), 0.0)
+        self.count: dict[str, int] = dict.fromkeys((*Rewards._fields, "illegal"), 0)
+        self.phases: dict[str, float] = dict.fromkeys(Phases._fields, 0.0)
+        self.gone = set()
 
     def note(self, phases: dict, rewards: dict, fate: str = "", value: float = 0.0, illegal: bool = False) -> None:
         for name, seconds in phases.items():
@@ -344,6 +345,10 @@ def test_any_setting_is_refused_in_a_line_or_works(name):
     assert not all([played(name, value) for value in tries(name)])
 
 
+ONE_BIN: Any = ((0.0, 0.2),)
+FAR_BINS: Any = ((0.0, 0.4),) * 4
+
+
 @pytest.mark.parametrize(
     ("make", "word"),
     [
@@ -360,11 +365,11 @@ def test_any_setting_is_refused_in_a_line_or_works(name):
         (lambda: replace(GRIP, best=1.2), "best"),
         (lambda: MachineConfig(tilt_limit_rad=0.6), "tilt_limit_rad"),
         (lambda: MachineConfig(travel_level_m=0.2), "travel_level_m"),
-        (lambda: BeltConfig(bins_m=((0.0, 0.2),)), "bins_m"),
+        (lambda: BeltConfig(bins_m=ONE_BIN), "bins_m"),
         (lambda: BeltConfig(camera_x_m=-0.05), "camera_x_m"),
         (lambda: BeltConfig(start_x_m=0.3), "start_x_m"),
         (lambda: BeltConfig(width_m=0.2), "item_half_width_m"),
-        (lambda: SortingConfig(belt=BeltConfig(bins_m=((0.0, 0.4),) * 4)), "cannot reach"),
+        (lambda: SortingConfig(belt=BeltConfig(bins_m=FAR_BINS)), "cannot reach"),
         (lambda: replace(PerceptionModel.perfect(), confusion=((0.5, 0.0, 0.0, 0.0),) * 4), "sum to 1"),
         (lambda: ProduceConfig(tuber_length_m=(0.08, 0.04)), "smaller one first"),
         (lambda: ProduceConfig(value=(1.0,)), "value"),  # type: ignore[arg-type]

@@ -259,7 +259,7 @@ def test_a_saved_model_needs_trust_and_then_decides(env: Any, tmp_path: Path):
             make_policy(str(path), env)
         policy = make_policy(str(path), env, trust=True)
         assert policy.name == str(path)
-        masks = {"action_masks": worlds.action_masks()} if algorithm is contrib.MaskablePPO else {}
+        masks: Any = {"action_masks": worlds.action_masks()} if algorithm is contrib.MaskablePPO else {}
         wanted, _ = model.predict(observation, deterministic=True, **masks)
         assert (policy.act(observation) == wanted).all()
     other = gym.make("fieldgym/TrayTransplanting-v0", backend="analytic")

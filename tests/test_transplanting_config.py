@@ -24,6 +24,9 @@ ID = "fieldgym/TrayTransplanting-v0"
 PROCESS = ProcessConfig()
 
 
+SHORT: Any = ((1.0, 0.0, 0.0),) * 2, ((1.0, 0.0, 0.0),) * 3
+
+
 @pytest.mark.parametrize(
     ("make", "word"),
     [
@@ -45,7 +48,7 @@ PROCESS = ProcessConfig()
         (lambda: MachineConfig(straight_m=0.16), "straight_m"),
         (lambda: MachineConfig(carry_acceleration_m_s2=(10.0, 20.0, 70.0)), "carry_acceleration_m_s2"),
         (lambda: TransplantingConfig(machine=MachineConfig(tray_centre_m=0.25)), "tray_centre_m"),
-        (lambda: PerceptionModel(((1.0, 0.0, 0.0),) * 2, ((1.0, 0.0, 0.0),) * 3), "source"),
+        (lambda: PerceptionModel(*SHORT), "source"),
     ],
 )
 def test_bad_settings_are_named(make, word):

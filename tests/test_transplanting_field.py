@@ -142,7 +142,7 @@ def test_cells_that_are_not_given_are_empty_and_their_luck_is_drawn():
     field = TrayField.of_cells([[H, P]], [])
     shuffled = replace(field, source=replace(field.source, row=[3, 1], column=[0, 2], lot=[0.25, np.nan]), target=None)
     core = small()
-    whole = core.complete(shuffled, np.random.default_rng(0))
+    whole: Any = core.complete(shuffled, np.random.default_rng(0))
     assert whole.source.state.reshape(4, 3).tolist() == [[E, E, E], [E, E, P], [E, E, E], [H, E, E]]
     assert whole.target.state.tolist() == [E] * 4 and whole.source.lot.reshape(4, 3)[3, 0] == 0.25
     for luck in (whole.source.lot, whole.source.extract, whole.source.lose, whole.source.damage, whole.target.lot):

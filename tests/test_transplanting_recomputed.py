@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import pairwise
 from math import exp, sqrt
+from typing import Any
 
 import numpy as np
 import pytest
@@ -203,7 +204,7 @@ class Told:
         self.source_row += 1
         return float(wasted)
 
-    def machine(self) -> dict[str, float]:
+    def machine(self) -> dict[str, Any]:
         target = [self.seen.get(self.presented("target", column), HEALTHY) for column in range(self.m)]
         return {
             "place": self.x_m / 0.3,

@@ -1,6 +1,7 @@
 """The transplanting rules on trays that can be checked by hand."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ PROCESS = ProcessConfig()
 E, H, P, D = EMPTY, HEALTHY, POOR, DAMAGED
 SMALL = Tray(2, 3, 0.045)
 NORMAL = 1
-THIRDS = ((1 / 3, 1 / 3, 1 / 3),) * 3
+THIRDS: Any = ((1 / 3, 1 / 3, 1 / 3),) * 3
 SEEN_BY_LOT = PerceptionModel(THIRDS, THIRDS)
 """A camera whose report the lot alone decides: what is seen is what stands in the field."""
 

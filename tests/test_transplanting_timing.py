@@ -126,7 +126,7 @@ def test_a_way_that_clears_is_the_three_gates_that_it_is_made_of(motion):
             legs = []
             for start, end in pairwise(stops):
                 ends = [np.array([where.x_m[i], where.height_m[i]]) for i in (start, end)]
-                legs.append(gate_motion(gate, *ends, machine.lift_m).duration_s if start != end else 0.0)
+                legs.append(gate_motion(gate, ends[0], ends[1], machine.lift_m).duration_s if start != end else 0.0)
             assert table.approach[CLEARING, place, pair, W.s] == pytest.approx(sum(legs), rel=1e-6)
 
 

@@ -4,6 +4,7 @@ both tools on a grid against their written formulas."""
 from dataclasses import replace
 from itertools import product
 from math import acos, exp, hypot, pi, sqrt
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -168,12 +169,13 @@ def beset(field):
 def test_every_feature_and_every_score_by_hand(name):
     # A cart that takes its time: the speed that it has is not the one that was commanded.
     slow = {"cart.acceleration_m_s2": 0.02}
-    env = gym.make_vec(f"fieldgym/{name}-v0", 1, vectorization_mode="vector_entry_point", overrides=slow)
+    env: Any = gym.make_vec(f"fieldgym/{name}-v0", 1, vectorization_mode="vector_entry_point", overrides=slow)
     core, rng = env.unwrapped.core, np.random.default_rng(3)
     core.field = beset(core.draw_field(np.random.default_rng(8)))
     core.load(np.zeros(1, np.int64), core.stack([core.field]))
     log, base = Log(core), core.base_actions
     seen = {column: set() for column in core.candidate_features}
+    found: dict[str, float] = {}
     for decision in range(260):
         observation = core.observe()
         machine, candidates, legal = features_by_hand(core)

@@ -42,7 +42,7 @@ def toy(weeds, crops=(), aim=None, **changes):
     core = laser_core(WeedingConfig(**changes), PerceptionModel.perfect())
     process = ProcessConfig()
     luck = rank(20.0 / process.ed50_j, process.slope), rank(15.0 / process.crop_ed50_j, process.crop_slope)
-    field = strip(weeds, crops, luck=luck[0], crop_luck=luck[1])
+    field: Any = strip(weeds, crops, luck=luck[0], crop_luck=luck[1])
     if aim is not None:
         along, across = np.array([aim]).T
         field = replace(field, reports=replace(field.reports, aim_along_m=along, aim_across_m=across))
