@@ -122,7 +122,9 @@ class Renderer:
                 ground.noise,
                 stream(ground.seed),
             )
-            resolve_ground(things, layers, SUN, camera.far_m, look, rgb, depth, identity)
+            # Random words run over; where kernels are not compiled, NumPy would warn of it.
+            with np.errstate(over="ignore"):
+                resolve_ground(things, layers, SUN, camera.far_m, look, rgb, depth, identity)
         return Look(Frame(rgb, depth, pose), identity)
 
     def looks(

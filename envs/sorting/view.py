@@ -37,7 +37,9 @@ _GRAVITY_M_S2 = 9.81
 
 def sensor_noise(frame: Frame, seed: int, number: int) -> Frame:
     """What a real camera would make of a rendered image; the same for the same episode and image."""
-    rgb, depth = add_noise(stream([seed, number]), frame.rgb, frame.depth_m, GAIN_SIGMA, COLOUR_SIGMA, DEPTH_SIGMA_M)
+    sigmas = GAIN_SIGMA, COLOUR_SIGMA, DEPTH_SIGMA_M
+    with np.errstate(over="ignore"):
+        rgb, depth = add_noise(stream([seed, number]), frame.rgb, frame.depth_m, *sigmas)
     return Frame(rgb, depth, frame.camera)
 
 
