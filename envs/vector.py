@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from .assembly import BACKENDS, Assembly, choice
 from .core import Array, NominalExecutor, OutcomeT, PlanT, TaskCore
 from .ended import Ended
+from .named import NamedColumns
 from .options import checked_options, checked_seeds, completed
 from .state import State, check, put, refuse_closed, taken
 
@@ -304,9 +305,9 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         if self.autoreset_mode is AutoresetMode.DISABLED:
             self._ended.show(self._over, {"scores": scores})
         parts = {
-            "rewards": self._columns(core.reward_names, terms, present),
-            "phases_s": self._columns(core.phase_names, phases, present),
-            "scorecard": self._columns(core.score_names, scores, present),
+            "rewards": NamedColumns(core.reward_names, terms, present),
+            "phases_s": NamedColumns(core.phase_names, phases, present),
+            "scorecard": NamedColumns(core.score_names, scores, present),
         }
         mask = np.where(present[:, None], self._mask, np.int8(0))
         info: dict[str, Any] = {"action_mask": mask, "_action_mask": present.copy()}
@@ -326,13 +327,6 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             "final_info": self._info(terms, phases, self._over),
             "_final_info": self._over.copy(),
         }
-
-    def _columns(self, names: Sequence[str], values: Array, present: NDArray[np.bool_]) -> dict[str, Any]:
-        columns: dict[str, Any] = {}
-        for i, name in enumerate(names):
-            columns[name] = np.where(present, values[:, i], 0.0)
-            columns["_" + name] = present.copy()
-        return columns
 
     def _checked(self, actions: Any) -> NDArray[np.int64]:
         self._refuse_unready()
