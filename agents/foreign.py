@@ -162,7 +162,7 @@ def made(factory: Callable[..., Any], env: Any, seed: int) -> Any:
 
 def _passed(filename: str) -> bool:
     """Whether a file is this package's own, or one that every import goes through."""
-    path = Path(filename)
+    path = Path(filename).resolve()  # an installation may link to the tree
     room = path.relative_to(_ROOT).parts[0] if path.is_relative_to(_ROOT) else ""
     ours = room.endswith(".py") or (_ROOT / room / "__init__.py").is_file() if room else False
     return ours or filename == importlib.__file__ or filename.startswith("<frozen")

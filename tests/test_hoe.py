@@ -373,7 +373,9 @@ def test_every_motion_that_the_rules_plan_is_within_every_limit_all_the_way():
             pose = poses(parameters, tip_way(HOE, plan, plan.phases_s, time), plan.cart[0] + plan.speed[0, 0] * time)
             least = min(least, min(float(values.min()) for values in parameters.mechanism.margins(pose).values()))
             seen += plan.kind[0] < WAIT
-            info = env.step(action)[-1]
+            *_, terminated, truncated, info = env.step(action)
+            if terminated or truncated:
+                _, info = env.reset()
     assert least > 0.0
     assert seen > 100
 

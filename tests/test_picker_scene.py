@@ -110,10 +110,11 @@ def test_recorded_frames_follow_the_decision(picker):
 def test_a_closed_scene_says_so():
     env: Any = gym.make(ID, backend="analytic", perception="camera").unwrapped
     env.reset(seed=0)
+    view = env.view
     env.close()
     env.close()
     with pytest.raises(RuntimeError, match="closed"):
-        env.view.frame()
+        view.frame()
 
 
 def synthetic(discs: list[tuple[int, int, int]], depth_m: float = 0.5) -> Frame:
