@@ -52,14 +52,15 @@ def test_looks_that_ask_for_no_entry(block):
     assert len(block) == 4 and bool(block) and "a" in block and "c" not in block
 
 
-@pytest.mark.parametrize("name", ["__contains__", "__len__", "__getitem__", "__eq__", "__repr__", "pop", "setdefault"])
+@pytest.mark.parametrize("name", ["__getitem__", "pop", "setdefault", "get"])
 def test_the_first_look_fills(name):
     block = NamedColumns(("a",), np.ones((1, 1)), np.ones(1, bool))
-    arguments = {"__len__": (), "__repr__": (), "__eq__": ({},), "setdefault": ("a", 7)}.get(name, ("a",))
-    result = getattr(block, name)(*arguments)
-    assert {"__contains__": True, "__len__": 2, "__eq__": False}.get(name, result) is result or result == 2
-    if name in ("__getitem__", "pop", "setdefault"):
-        assert result.tolist() == [1.0]
+    assert getattr(block, name)("a").tolist() == [1.0]
+
+
+def test_the_first_look_may_be_a_comparison_or_a_print():
+    assert NamedColumns(("a",), np.ones((1, 1)), np.ones(1, bool)) != {}
+    assert "array([1.])" in repr(NamedColumns(("a",), np.ones((1, 1)), np.ones(1, bool)))
 
 
 def test_what_is_written_before_a_look_stays(block):
