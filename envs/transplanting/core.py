@@ -10,7 +10,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore, outside
+from ..core import Array, Rows, StepResult, TaskCore, observation_space, outside
 from .columns import (
     MOVE_SCALE_S,
     PLACE_SCALE_M,
@@ -81,13 +81,7 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         scenario, b, k = config.scenario, worlds, config.scenario.pairs
         self.source_shape, self.target_shape = (rows_s, n), (rows_t, m) = shapes(scenario)
         self.action_space = spaces.Discrete(len(SPEEDS) * k + 2)
-        self.observation_space = spaces.Dict(
-            {
-                "machine": spaces.Box(-SHOWN, SHOWN, (len(self.machine_features),), np.float32),
-                "candidates": spaces.Box(-SHOWN, SHOWN, (k * len(self.candidate_features),), np.float32),
-                "action_mask": spaces.Box(0, 1, (len(SPEEDS) * k + 2,), np.int8),
-            }
-        )
+        self.observation_space = observation_space(self, k, len(SPEEDS) * k + 2, SHOWN)
         self.places = places(config.machine, scenario.source, scenario.target)
         self.times = times(config)
         self.terms = _terms(config, from_outside=perception is None)
