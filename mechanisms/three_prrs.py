@@ -65,17 +65,17 @@ class ThreePRRS:
         if not abs(self.base_diameter_m - self.platform_diameter_m) < 2.0 * self.link_m:
             raise ValueError(
                 f"D = {self.base_diameter_m} m and d = {self.platform_diameter_m} m are further apart than links of "
-                f"l = {self.link_m} m can span: need |D - d| < 2 l"
+                f"l = {self.link_m} m can span: give |D - d| < 2 l"
             )
         low, high = self.slider_range_m
         if not -np.inf < low < high < np.inf:
-            raise ValueError(f"slider_range_m = {self.slider_range_m} m: need lower < upper, both finite")
+            raise ValueError(f"slider_range_m = {self.slider_range_m} m: give lower < upper, both finite")
         if not 0.0 < self.cone_rad <= np.pi:
-            raise ValueError(f"cone_rad = {self.cone_rad} rad: allowed range (0, pi]")
+            raise ValueError(f"cone_rad = {self.cone_rad} rad: give a number in (0, pi]")
         if not 0.0 <= self.link_clearance_m < np.inf:
             raise ValueError(f"link_clearance_m = {self.link_clearance_m} m: give a length >= 0")
         if not 0.0 <= self.min_platform_lock < 1.0:
-            raise ValueError(f"min_platform_lock = {self.min_platform_lock}: allowed range [0, 1)")
+            raise ValueError(f"min_platform_lock = {self.min_platform_lock}: give a number in [0, 1)")
 
     @classmethod
     def published(cls) -> ThreePRRS:

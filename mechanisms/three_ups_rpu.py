@@ -94,7 +94,7 @@ class ThreeUPSRPU:
             raise ValueError(f"stroke_m = {self.stroke_m} m: give four pairs 0 < shortest < longest")
         for name in ("max_universal_tilt_rad", "max_platform_tilt_rad"):
             if not 0.0 < getattr(self, name) < np.pi / 2:
-                raise ValueError(f"{name} = {getattr(self, name)} rad: allowed range (0, pi/2)")
+                raise ValueError(f"{name} = {getattr(self, name)} rad: give a number in (0, pi/2)")
         for name in ("leg_distance_m", "min_singular_value"):
             if not 0.0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"{name} = {getattr(self, name)}: give a number >= 0")

@@ -88,10 +88,10 @@ class TwoLegs:
             raise ValueError(f"link_clearance_m = {self.link_clearance_m} m: give a length >= 0")
         for name in ("min_forearm_angle_rad", "min_elbow_angle_rad"):
             if not 0.0 <= getattr(self, name) < np.pi / 2:
-                raise ValueError(f"{name} = {getattr(self, name)} rad: allowed range [0, pi/2)")
+                raise ValueError(f"{name} = {getattr(self, name)} rad: give a number in [0, pi/2)")
         low, high = self.arm_range_rad
         if not 3.0 * _HANGING < low < high < np.pi / 2:
-            raise ValueError(f"arm_range_rad = {self.arm_range_rad}: need -3/2 pi < lower < upper < pi/2")
+            raise ValueError(f"arm_range_rad = {self.arm_range_rad}: give -3/2 pi < lower < upper < pi/2")
 
     def inverse(self, position: ArrayLike, *, strict: bool = False) -> Array:
         """Joint angles for tool positions.

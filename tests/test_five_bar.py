@@ -125,9 +125,9 @@ def test_the_platform_split_of_the_base_does_not_change_the_motion():
         ({"l1": 0.0}, "l1 = 0.0 m is not a length"),
         ({"l7": np.inf}, "l7 = inf m is not a length"),
         ({"l3": -0.01}, "half_platform_m = -0.01 m"),
-        ({"min_elbow_angle_rad": 2.0}, "min_elbow_angle_rad = 2.0 rad: allowed range"),
+        ({"min_elbow_angle_rad": 2.0}, "min_elbow_angle_rad = 2.0 rad: give a number"),
         ({"link_clearance_m": -1.0}, "link_clearance_m = -1.0 m"),
-        ({"arm_range_rad": (0.0, -1.0)}, "need -3/2 pi < lower < upper"),
+        ({"arm_range_rad": (0.0, -1.0)}, "give -3/2 pi < lower < upper"),
     ],
 )
 def test_impossible_geometry_is_refused_by_name(change, message):

@@ -27,6 +27,7 @@ from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.machine import weeder_parameters
 from fieldgym.envs.weeding.tools.laser.scene import WeederScene
 from fieldgym.envs.weeding.tools.laser.view import TOOL_SETTINGS
+from fieldgym.motion.orientation import axes, from_euler
 from fieldgym.perception.weeds import detect
 from fieldgym.rendering.renderer import GroundLook, level_colour
 
@@ -185,7 +186,7 @@ def test_pictures_show_the_field_the_front_camera_and_the_gauge(env):
 
 
 @pytest.mark.slow
-def test_pictures_follow_the_blade_into_the_ground_and_show_what_it_did():
+def test_pictures_follow_the_blade_into_the_ground_and_show_what_it_did(monkeypatch):
     hoe = HoeProcessConfig()
     env: Any = gym.make(
         "fieldgym/HoeWeeding-v0",
@@ -201,10 +202,22 @@ def test_pictures_follow_the_blade_into_the_ground_and_show_what_it_did():
     while not info["action_mask"][2]:
         info = env.step(int(info["action_mask"].size - 1))[-1]
 
+    env.render()
+    scene, parameters = view._stage, view._stage._machine.parameters
+    move = scene.set_machine
+
+    def watched(cart_m: float, pose: Any) -> None:
+        # The tool leans with the platform: its axis is the third of the platform's.
+        up_m = pose[2] - parameters.tool_m * axes(from_euler(np.asarray(pose)[3:]))[2, 2]
+        place.append(float(up_m + parameters.origin_height_m))
+        move(cart_m, pose)
+
     def keep(picture: np.ndarray) -> None:
         pictures.append(picture)
-        tips.append(float(view._stage._machine.tip_world()[2]))
+        tips.append(place[-1])
 
+    place: list[float] = []
+    monkeypatch.setattr(scene, "set_machine", watched)
     env.unwrapped.record(keep, 12.0)
     env.step(2)
     env.unwrapped.record(None)
