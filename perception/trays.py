@@ -32,7 +32,7 @@ class CellLook(NamedTuple):
 
 @dataclass(frozen=True)
 class TraySettings:
-    """Thresholds of the classification [identified: fitted to rendered rows, see scripts/measure_tray_camera.py].
+    """Thresholds of the classification [identified: fitted to rendered rows, see scripts/measure_camera.py].
 
     Attributes:
         leaf_excess: excess green 2 g - r - b of chromatic coordinates above which a pixel is leaf.

@@ -19,7 +19,6 @@ from fieldgym.scripts.common import (
     at_least_one,
     chosen,
     environment_id,
-    execute,
     fields_of,
     scenario_of,
     seeds_of,
@@ -208,9 +207,3 @@ def _close(console: Console, report: RunResult, paths: list[Path]) -> None:
         )
     if report.failures or report.violations:
         raise typer.Exit(1)
-
-
-if __name__ == "__main__":
-    app = typer.Typer(add_completion=False)
-    app.command()(main)
-    execute(app, "python scripts/benchmark.py")

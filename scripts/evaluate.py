@@ -16,7 +16,6 @@ from fieldgym.scripts.common import (
     Trust,
     condition_of,
     environment_id,
-    execute,
     fields_of,
     policy_of,
     seeds_of,
@@ -213,9 +212,3 @@ def _print(console: Console, title: str, report: dict[str, Any]) -> None:
 def _interval(values: dict[str, Any]) -> str:
     star = "*" if values["significant"] else " "
     return f"{values['mean']:+.4f} [{values['low']:+.4f}, {values['high']:+.4f}]{star}"
-
-
-if __name__ == "__main__":
-    app = typer.Typer(add_completion=False)
-    app.command()(main)
-    execute(app, "python scripts/evaluate.py")

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from fieldgym.kernels.files import replace_file
-from fieldgym.scripts.common import CommandError, execute
+from fieldgym.scripts.common import CommandError
 
 
 def main(
@@ -49,9 +49,3 @@ def main(
         except OSError as error:
             raise CommandError(f"cannot write {path} ({error.strerror}): choose another place") from None
         typer.echo(f"Written: {path} ({len(text.encode()) / 1e6:.1f} MB)")
-
-
-if __name__ == "__main__":
-    app = typer.Typer(add_completion=False)
-    app.command()(main)
-    execute(app, "python scripts/report.py")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fieldgym.scripts.common import CommandError, at_least_one, chosen, execute
+from fieldgym.scripts.common import CommandError, at_least_one, chosen
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -87,9 +87,3 @@ def _print_table(console: Console, result: ChapterResult) -> None:
         reason = Text.assemble((item, "bold"), (f"\n{why}" if why else "", "dim"))
         table.add_row(reason, Text(published), Text(values), Text(verdict, colours[finding.verdict]))
     console.print(table)
-
-
-if __name__ == "__main__":
-    app = typer.Typer(add_completion=False)
-    app.command()(main)
-    execute(app, "python scripts/reproduce.py")

@@ -18,7 +18,6 @@ from fieldgym.scripts.common import (
     Trust,
     condition_of,
     environment_id,
-    execute,
     fields_of,
     policy_of,
     seeds_of,
@@ -191,9 +190,3 @@ def _print_scorecards(console: Console, scorecards: dict[str, dict[str, float]])
         cells += [float(summary(finite)) if len(finite) else np.nan for summary in summaries.values()]
         table.add_row(name, *(f"{value:.4g}" if np.isfinite(value) else "-" for value in cells))
     console.print(table)
-
-
-if __name__ == "__main__":
-    app = typer.Typer(add_completion=False)
-    app.command()(main)
-    execute(app, "python scripts/run.py")

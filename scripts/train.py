@@ -17,7 +17,6 @@ from fieldgym.scripts.common import (
     at_least_one,
     chosen,
     environment_id,
-    execute,
     writable_folder,
 )
 
@@ -159,9 +158,3 @@ def _held_out(point: dict[str, float]) -> str:
         f"Held-out seeds after {point['steps']:,.0f} decisions: reward {point['return']:.3f}, net rate "
         f"{point['net_rate']:.4f}, cycle time {point['cycle_time_s']:.2f} s"
     )
-
-
-if __name__ == "__main__":
-    app = typer.Typer(add_completion=False)
-    app.command()(main)
-    execute(app, "python scripts/train.py")

@@ -211,19 +211,3 @@ def test_ctrl_c_tells_how_to_go_on_and_that_command_completes_the_table(tmp_path
     assert done.returncode == 0, done.stderr
     assert f"{kept} of them finished earlier" in done.stdout
     assert path.read_text().count("\n") == 200
-
-
-@pytest.mark.slow
-def test_the_scripts_do_the_same_as_the_command(tmp_path: Path):
-    words = ["SafflowerPicking", "--backend", "analytic", "--quiet"]
-    script = subprocess.run(
-        [sys.executable, str(ROOT / "scripts" / "run.py"), *words],
-        capture_output=True, text=True, check=False, cwd=tmp_path,
-    )  # fmt: skip
-    assert script.stdout == fieldgym_command("run", *words).stdout
-    assert "net_rate" in script.stdout
-    mistake = subprocess.run(
-        [sys.executable, str(ROOT / "scripts" / "benchmark.py"), "--episodes", "0"],
-        capture_output=True, text=True, check=False, cwd=tmp_path,
-    )  # fmt: skip
-    assert (mistake.returncode, mistake.stderr) == (2, "fieldgym: --episodes 0: give at least 1\n")

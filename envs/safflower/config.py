@@ -113,7 +113,7 @@ class ProcessConfig(Config):
 
 @dataclass(frozen=True)
 class PerceptionModel(Config):
-    """What the camera reports of a head, as a statistical model (see ``scripts/measure_picker_camera.py``)."""
+    """What the camera reports of a head, as a statistical model (see ``scripts/measure_camera.py``)."""
 
     recall: tuple[ByStage, ByStage] = num(
         ..., 0.0, 1.0, "", "Probability that a head is reported, free and occluded, by stage."

@@ -87,7 +87,6 @@ class Tally:
         lean = [np.concatenate(part) for part in self.lean]
         yaw_deg = [np.degrees(np.abs(part)) for part in self.yaw]
         return {
-            "made_by": "scripts/measure_produce_camera.py",
             "frames": self.frames,
             "items": self.items,
             "recall": round(1.0 - int(self.missed.sum()) / self.items, 4),

@@ -187,7 +187,7 @@ class BeltConfig(Config):
 class PerceptionModel(Config):
     """What the camera reports, as a statistical model; kinds are tuber and fruit.
 
-    See ``scripts/measure_produce_camera.py``.
+    See ``scripts/measure_camera.py``.
     """
 
     recall: float = num(..., 0.0, 1.0, "", "Share of items that are reported.")

@@ -203,7 +203,7 @@ class ProcessConfig(Config):
 
 @dataclass(frozen=True)
 class PerceptionModel(Config):
-    """What the row cameras report of a cell, as confusion matrices (see ``scripts/measure_tray_camera.py``).
+    """What the row cameras report of a cell, as confusion matrices (see ``scripts/measure_camera.py``).
 
     Row = what the cell holds (empty, healthy, poor), column = report, rows sum to 1.
     """

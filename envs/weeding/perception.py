@@ -52,7 +52,7 @@ class PerceptionModel(Config):
     whether that found a plant at all, and the reported species and stage. So errors keep their long tails, and a bad
     track keeps its bad correction.
 
-    Fitted by ``scripts/measure_weed_cameras.py`` to rendered images; ``perfect`` is the truth.
+    Fitted by ``scripts/measure_camera.py`` to rendered images; ``perfect`` is the truth.
     """
 
     recall: tuple[tuple[float, float, float], tuple[float, float, float]] = num(
