@@ -1,9 +1,14 @@
-"""Checked configurations: dataclasses whose fields declare type, range, unit and what they mean.
+"""Checked configurations: dataclasses whose fields declare type, range and unit.
+
+The docstring below a field says what it means and where its number comes from: [published...], [identified...] or
+[assumed...]. Tables and schemas of the documentation read it there (``config_tables.documented``)::
 
     @dataclass(frozen=True)
     class ProcessConfig(Config):
-        locate_s: float = num(7.304, 0.0, 600.0, "s", "Locating one head [identified: 16 s per head].")
-        strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "", "Shear strokes over the head [assumed].")
+        locate_s: float = num(7.304, 0.0, 600.0, "s")
+        "Locating one head [identified: 16 s per head]."
+        strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "")
+        "Shear strokes over the head [assumed]."
 
         def check(self) -> None:
             if self.strokes[0] > self.strokes[2]:
@@ -39,7 +44,7 @@ __all__ = [
 C = TypeVar("C", bound="Config")
 
 
-def num(default: Any, low: float, high: float, unit: str, doc: str) -> Any:
+def num(default: Any, low: float, high: float, unit: str) -> Any:
     """A field of one number or of a tuple of numbers, as its annotation says.
 
     Args:
@@ -47,36 +52,34 @@ def num(default: Any, low: float, high: float, unit: str, doc: str) -> Any:
         low: smallest number allowed.
         high: largest number allowed; infinity is a value only if it is an end of the range.
         unit: of all numbers, empty for none.
-        doc: what it means and where the number comes from: [published...], [identified...] or [assumed...].
     """
     if not low <= high:
         raise TypeError(f"range [{low}, {high}]: give a lower and an upper end")
-    return _declared(default, Declaration(low, high, unit, doc))
+    return _declared(default, Declaration(low, high, unit))
 
 
-def choice(default: Any, choices: tuple[str, ...], doc: str) -> Any:
-    """A field of one of a few texts (or a tuple of them); ``default`` and ``doc`` as in ``num``."""
-    return _declared(default, Declaration(doc=doc, choices=tuple(choices)))
+def choice(default: Any, choices: tuple[str, ...]) -> Any:
+    """A field of one of a few texts (or a tuple of them); ``default`` as in ``num``."""
+    return _declared(default, Declaration(choices=tuple(choices)))
 
 
-def flag(default: Any, doc: str) -> Any:
-    """A field that is true or false; arguments as in ``num``."""
-    return _declared(default, Declaration(doc=doc))
+def flag(default: Any) -> Any:
+    """A field that is true or false; ``default`` as in ``num``."""
+    return _declared(default, Declaration())
 
 
-def text(default: Any, doc: str) -> Any:
-    """A field of any printable text; arguments as in ``num``."""
-    return _declared(default, Declaration(doc=doc))
+def text(default: Any) -> Any:
+    """A field of any printable text; ``default`` as in ``num``."""
+    return _declared(default, Declaration())
 
 
-def nested(default: Any, doc: str) -> Any:
+def nested(default: Any) -> Any:
     """A field of another configuration, of a dataclass that checks itself, or of a tuple of them.
 
     Args:
         default: an instance; or a class or function that makes one; ``...`` if one must be given.
-        doc: what it means.
     """
-    return _declared(default, Declaration(doc=doc), isinstance(default, type) or callable(default))
+    return _declared(default, Declaration(), isinstance(default, type) or callable(default))
 
 
 def _declared(default: Any, declared: Declaration, made: bool = False) -> Any:

@@ -55,7 +55,6 @@ class Declaration(NamedTuple):
     low: float = -inf
     high: float = inf
     unit: str = ""
-    doc: str = ""
     choices: tuple[str, ...] = ()
 
 

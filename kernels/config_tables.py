@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import re
 from dataclasses import is_dataclass
+from functools import cache
+from itertools import pairwise
 from math import inf
+from textwrap import dedent
 from typing import Any, NamedTuple
 
 from .config import Config
@@ -38,6 +43,21 @@ class Line(NamedTuple):
     source: str
 
 
+@cache
+def documented(cls: type) -> dict[str, str]:
+    """What the docstrings below the fields of a class say, by name, each on one line; none where it has no source."""
+    said = {}
+    for base in reversed(cls.__mro__):
+        try:
+            body = ast.parse(dedent(inspect.getsource(base))).body[0].body  # type: ignore[attr-defined]
+        except (OSError, TypeError):  # built in, or made at the prompt
+            continue
+        for field, doc in pairwise(body):
+            if isinstance(field, ast.AnnAssign) and isinstance(doc, ast.Expr) and isinstance(doc.value, ast.Constant):
+                said[ast.unparse(field.target)] = " ".join(str(doc.value.value).split())
+    return said
+
+
 def rows(config: Config | type[Config]) -> list[Line]:
     """All fields, those of nested configurations in the place of the field that holds them.
 
@@ -56,7 +76,8 @@ def _rows(config: Any, prefix: str = "") -> list[Line]:
         if entry.nested is not None:
             found += _rows(value if is_dataclass(value) else entry.nested, name + ".")
             continue
-        sources = _SOURCE.findall(entry.declared.doc) or _SOURCE.findall(cls.__doc__ or "")
+        doc = documented(cls).get(entry.name, "")
+        sources = _SOURCE.findall(doc) or _SOURCE.findall(cls.__doc__ or "")
         leaf = _leaf(entry.kind)
         low, high = (leaf.low, leaf.high) if isinstance(leaf, Number) else (-inf, inf)
         found.append(
@@ -67,7 +88,7 @@ def _rows(config: Any, prefix: str = "") -> list[Line]:
                 None if low == -inf else low,
                 None if high == inf else high,
                 entry.declared.unit,
-                _SOURCE.sub("", entry.declared.doc),
+                _SOURCE.sub("", doc),
                 "; ".join(sources),
             )
         )
@@ -112,8 +133,8 @@ def _object(config: Any) -> dict[str, Any]:
         described: dict[str, Any] = _object(value) if inner else _schema(entry.kind)
         if isinstance(entry.kind, Optional) and inner:
             described = {"anyOf": [described, {"type": "null"}]}
-        if entry.declared.doc:
-            described["description"] = entry.declared.doc
+        if doc := documented(cls).get(entry.name):
+            described["description"] = doc
         if entry.declared.unit:
             described["unit"] = entry.declared.unit
         if value is not ... and not inner:

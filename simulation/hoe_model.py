@@ -31,24 +31,26 @@ class HoeParameters(PrrsParameters):
     as good as the ground's for the physics: the machine is simulated in the cart's frame.
     """
 
-    mechanism: ThreePRRS = nested(ThreePRRS.hoe, "The 3-PRRS.")
-    tool_m: float = num(0.160, 1e-3, 1.0, "m", "From the blade's underside up to the platform's centre P.")
-    slider_force_limit_n: float = num(250.0, 1e-3, 1e5, "N", "Each slider's ball screw.")
-    swing_torque_limit_n_m: float = num(20.0, 1e-3, 1e4, "N m", "Each driven rotation behind its gear.")
-    platform_mass_kg: float = num(1.2, 1e-3, 100.0, "kg", "Platform and hoe.")
-    lowest_tip_m: float = num(
-        -0.040, -1.0, -1e-4, "m", "World height of the blade's underside at the mechanism's z = 0, below the ground."
-    )
-    blade_radius_m: float = num(0.014, 1e-3, 0.2, "m", "Of the hoe blade.")
-    soil_resistance_pa: float = num(
-        4.0e4,
-        1e-3,
-        1e7,
-        "Pa",
-        "Force against the blade's motion per area of soil that it meets, blade width x depth; a loose seedbed.",
-    )
-    camera_ahead_m: float = num(0.85, 1e-3, 10.0, "m", "Front camera in front of the mechanism, only for the looks.")
-    camera_height_m: float = num(0.85, 1e-3, 10.0, "m", "Its height over the ground, only for the looks.")
+    mechanism: ThreePRRS = nested(ThreePRRS.hoe)
+    """The 3-PRRS."""
+    tool_m: float = num(0.160, 1e-3, 1.0, "m")
+    """From the blade's underside up to the platform's centre P."""
+    slider_force_limit_n: float = num(250.0, 1e-3, 1e5, "N")
+    """Each slider's ball screw."""
+    swing_torque_limit_n_m: float = num(20.0, 1e-3, 1e4, "N m")
+    """Each driven rotation behind its gear."""
+    platform_mass_kg: float = num(1.2, 1e-3, 100.0, "kg")
+    """Platform and hoe."""
+    lowest_tip_m: float = num(-0.040, -1.0, -1e-4, "m")
+    """World height of the blade's underside at the mechanism's z = 0, below the ground."""
+    blade_radius_m: float = num(0.014, 1e-3, 0.2, "m")
+    """Of the hoe blade."""
+    soil_resistance_pa: float = num(4.0e4, 1e-3, 1e7, "Pa")
+    """Force against the blade's motion per area of soil that it meets, blade width x depth; a loose seedbed."""
+    camera_ahead_m: float = num(0.85, 1e-3, 10.0, "m")
+    """Front camera in front of the mechanism, only for the looks."""
+    camera_height_m: float = num(0.85, 1e-3, 10.0, "m")
+    """Its height over the ground, only for the looks."""
 
     name = "hoe"
 

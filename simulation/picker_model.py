@@ -50,58 +50,41 @@ _LONGEST_M = 5.0
 class PickerParameters(Config):
     """Everything that the picker's physics depends on."""
 
-    five_bar: FiveBar = nested(FiveBar.safflower, "The arm's geometry [identified, see ``FiveBar.safflower``].")
-    motor_height_m: float = num(
-        1.18,
-        *MOTOR_HEIGHT_M,
-        "m",
-        "Motor axes above the ground; the frame is set to the crop before a row [assumed, chosen so that the workspace"
-        " spans the published plant heights of 0.43-0.86 m at their upper end].",
-    )
-    camera_ahead_m: float = num(
-        0.30, 0.01, 3.0, "m", "The camera's place in front of the arm plane, only for the looks [assumed]."
-    )
-    camera_above_motors_m: float = num(
-        0.15, 0.01, 3.0, "m", "Height of the camera over the motor axes, only for the looks [assumed]."
-    )
-    cart_velocity_m_s: float = num(0.3, 1e-3, 10.0, "m/s", "Limit of the cart [assumed].")
-    cart_acceleration_m_s2: float = num(0.5, 1e-3, 100.0, "m/s2", "Limit of the cart [assumed].")
-    tool_velocity_m_s: float = num(
-        0.5,
-        1e-3,
-        10.0,
-        "m/s",
-        "Limit of the tool in the arm's plane: its motors are steppers (published), which run slowly [the figure is"
-        " assumed].",
-    )
-    tool_acceleration_m_s2: float = num(
-        2.0, 1e-3, 100.0, "m/s2", "Limit of the tool in the arm's plane [assumed, as above]."
-    )
-    arm_torque_limit_n_m: float = num(
-        12.0,
-        1e-3,
-        1e4,
-        "N m",
-        "Each arm motor behind its gear [assumed: a NEMA 23 stepper of 3 N m that keeps 1.2 N m at speed, with a 10:1"
-        " gear].",
-    )
-    rotor_inertia_kg_m2: float = num(
-        0.008, 1e-6, 10.0, "kg m2", "That motor's rotor seen through the gear [assumed: 8e-5 kg m2 times 10^2]."
-    )
-    cart_force_limit_n: float = num(250.0, 0.1, 1e5, "N", "Thrust of the wheel drives [assumed].")
-    cart_mass_kg: float = num(80.0, 0.1, 5000.0, "kg", "Frame, wheels, battery, fan and cabinet [assumed].")
-    arm_mass_kg: float = num(0.30, 1e-3, 100.0, "kg", "One driven arm [assumed: aluminium tube and two bearings].")
-    forearm_mass_kg: float = num(0.35, 1e-3, 100.0, "kg", "One forearm [assumed, as above].")
-    tool_mass_kg: float = num(
-        1.5,
-        1e-3,
-        100.0,
-        "kg",
-        "Platform with the shears, their 25GA-370 geared motor (published) and hose [mass assumed].",
-    )
-    physics_hz: float = num(
-        240.0, 30.0, 1e4, "Hz", "Simulation steps a second [assumed; the tracking figures are measured with it]."
-    )
+    five_bar: FiveBar = nested(FiveBar.safflower)
+    """The arm's geometry [identified, see ``FiveBar.safflower``]."""
+    motor_height_m: float = num(1.18, *MOTOR_HEIGHT_M, "m")
+    """Motor axes above the ground; the frame is set to the crop before a row [assumed, chosen so that the workspace
+    spans the published plant heights of 0.43-0.86 m at their upper end]."""
+    camera_ahead_m: float = num(0.30, 0.01, 3.0, "m")
+    """The camera's place in front of the arm plane, only for the looks [assumed]."""
+    camera_above_motors_m: float = num(0.15, 0.01, 3.0, "m")
+    """Height of the camera over the motor axes, only for the looks [assumed]."""
+    cart_velocity_m_s: float = num(0.3, 1e-3, 10.0, "m/s")
+    """Limit of the cart [assumed]."""
+    cart_acceleration_m_s2: float = num(0.5, 1e-3, 100.0, "m/s2")
+    """Limit of the cart [assumed]."""
+    tool_velocity_m_s: float = num(0.5, 1e-3, 10.0, "m/s")
+    """Limit of the tool in the arm's plane: its motors are steppers (published), which run slowly [the figure is
+    assumed]."""
+    tool_acceleration_m_s2: float = num(2.0, 1e-3, 100.0, "m/s2")
+    """Limit of the tool in the arm's plane [assumed, as above]."""
+    arm_torque_limit_n_m: float = num(12.0, 1e-3, 1e4, "N m")
+    """Each arm motor behind its gear [assumed: a NEMA 23 stepper of 3 N m that keeps 1.2 N m at speed, with a 10:1
+    gear]."""
+    rotor_inertia_kg_m2: float = num(0.008, 1e-6, 10.0, "kg m2")
+    """That motor's rotor seen through the gear [assumed: 8e-5 kg m2 times 10^2]."""
+    cart_force_limit_n: float = num(250.0, 0.1, 1e5, "N")
+    """Thrust of the wheel drives [assumed]."""
+    cart_mass_kg: float = num(80.0, 0.1, 5000.0, "kg")
+    """Frame, wheels, battery, fan and cabinet [assumed]."""
+    arm_mass_kg: float = num(0.30, 1e-3, 100.0, "kg")
+    """One driven arm [assumed: aluminium tube and two bearings]."""
+    forearm_mass_kg: float = num(0.35, 1e-3, 100.0, "kg")
+    """One forearm [assumed, as above]."""
+    tool_mass_kg: float = num(1.5, 1e-3, 100.0, "kg")
+    """Platform with the shears, their 25GA-370 geared motor (published) and hose [mass assumed]."""
+    physics_hz: float = num(240.0, 30.0, 1e4, "Hz")
+    """Simulation steps a second [assumed; the tracking figures are measured with it]."""
 
     def check(self) -> None:
         """The arm is no house."""

@@ -18,24 +18,34 @@ _ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
 class PrrsParameters(Config):
     """Geometry, limits and masses; forces, masses and rates are assumed."""
 
-    mechanism: ThreePRRS = nested(ThreePRRS.sorter, "The 3-PRRS.")
-    tool_m: float = num(0.090, 1e-3, 1.0, "m", "From the tool's working point up to the platform's centre P.")
-    velocity_m_s: float = num(1.0, 1e-3, 20.0, "m/s", "Limit of the platform's centre.")
-    acceleration_m_s2: float = num(
-        10.0, 1e-2, 500.0, "m/s2", "Limit of the platform's centre, without what following a belt or a plant adds."
-    )
-    turn_rad_s: float = num(4.0, 1e-3, 100.0, "rad/s", "Limit of the platform's angular velocity.")
-    turn_rad_s2: float = num(40.0, 1e-2, 5000.0, "rad/s2", "Limit of its angular acceleration.")
-    slider_force_limit_n: float = num(120.0, 1e-3, 1e5, "N", "Each slider's ball screw.")
-    swing_torque_limit_n_m: float = num(10.0, 1e-3, 1e4, "N m", "Each driven rotation behind its gear.")
-    slider_mass_kg: float = num(1.6, 1e-3, 100.0, "kg", "Carriage with the rotary motor that it carries.")
-    yoke_mass_kg: float = num(0.25, 1e-3, 100.0, "kg", "Fork of R1 and R2.")
-    rotor_inertia_kg_m2: float = num(0.004, 1e-7, 10.0, "kg m2", "That motor's rotor seen through the gear.")
-    link_mass_kg: float = num(0.20, 1e-3, 100.0, "kg", "One link with its joints (carbon tube).")
-    platform_mass_kg: float = num(0.9, 1e-3, 100.0, "kg", "Platform and tool.")
-    physics_hz: float = num(
-        240.0, 30.0, 100_000.0, "1/s", "Simulation steps a second (the tracking figures are measured with it)."
-    )
+    mechanism: ThreePRRS = nested(ThreePRRS.sorter)
+    """The 3-PRRS."""
+    tool_m: float = num(0.090, 1e-3, 1.0, "m")
+    """From the tool's working point up to the platform's centre P."""
+    velocity_m_s: float = num(1.0, 1e-3, 20.0, "m/s")
+    """Limit of the platform's centre."""
+    acceleration_m_s2: float = num(10.0, 1e-2, 500.0, "m/s2")
+    """Limit of the platform's centre, without what following a belt or a plant adds."""
+    turn_rad_s: float = num(4.0, 1e-3, 100.0, "rad/s")
+    """Limit of the platform's angular velocity."""
+    turn_rad_s2: float = num(40.0, 1e-2, 5000.0, "rad/s2")
+    """Limit of its angular acceleration."""
+    slider_force_limit_n: float = num(120.0, 1e-3, 1e5, "N")
+    """Each slider's ball screw."""
+    swing_torque_limit_n_m: float = num(10.0, 1e-3, 1e4, "N m")
+    """Each driven rotation behind its gear."""
+    slider_mass_kg: float = num(1.6, 1e-3, 100.0, "kg")
+    """Carriage with the rotary motor that it carries."""
+    yoke_mass_kg: float = num(0.25, 1e-3, 100.0, "kg")
+    """Fork of R1 and R2."""
+    rotor_inertia_kg_m2: float = num(0.004, 1e-7, 10.0, "kg m2")
+    """That motor's rotor seen through the gear."""
+    link_mass_kg: float = num(0.20, 1e-3, 100.0, "kg")
+    """One link with its joints (carbon tube)."""
+    platform_mass_kg: float = num(0.9, 1e-3, 100.0, "kg")
+    """Platform and tool."""
+    physics_hz: float = num(240.0, 30.0, 100_000.0, "1/s")
+    """Simulation steps a second (the tracking figures are measured with it)."""
 
     name = "prrs"
     """Of the machine; its URDFs and their folder bear it."""

@@ -19,14 +19,10 @@ class SorterParameters(PrrsParameters):
     required at 1 m/s.
     """
 
-    belt_height_m: float = num(0.80, 0.1, 3.0, "m", "Top of the belt above the floor (assumed).")
-    origin_above_belt_m: float = num(
-        0.095,
-        0.0,
-        0.5,
-        "m",
-        "The mechanism's z = 0 above the belt: the lowest grip is just inside the workspace (assumed).",
-    )
+    belt_height_m: float = num(0.80, 0.1, 3.0, "m")
+    """Top of the belt above the floor (assumed)."""
+    origin_above_belt_m: float = num(0.095, 0.0, 0.5, "m")
+    """The mechanism's z = 0 above the belt: the lowest grip is just inside the workspace (assumed)."""
 
     name = "sorter"
 

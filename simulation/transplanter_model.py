@@ -34,33 +34,20 @@ _POST_X_M, _HALF_SPAN_M = -0.10, 0.62
 class TransplanterParameters(Config):
     """Everything that the transplanter's physics and looks depend on."""
 
-    arm: TranslationalFiveBar = nested(
-        TranslationalFiveBar.transplanter,
-        "Geometry and masses [assumed but for the window, see TranslationalFiveBar.transplanter].",
-    )
-    motor_height_m: float = num(
-        1.690, 0.1, 5.0, "m", "Motor axes above the ground [assumed: conveyors at working height]."
-    )
-    half_platform_m: float = num(
-        0.045,
-        0.001,
-        0.5,
-        "m",
-        "Half the distance of the wrists on the platform; the motors stand as much farther out than the mechanism's "
-        "offset [assumed].",
-    )
-    gripper_drop_m: float = num(0.250, 0.110, 2.0, "m", "Needle tips below the wrists [assumed].")
-    torque_limit_n_m: float = num(
-        90.0,
-        0.1,
-        1e4,
-        "N m",
-        "Each motor behind its gear [assumed: 1.6 times the 56 N m that the fastest gate with the published payload "
-        "needs].",
-    )
-    physics_hz: float = num(
-        500.0, 50.0, 1e4, "Hz", "Simulation steps a second [assumed; the tracking figures are measured with it]."
-    )
+    arm: TranslationalFiveBar = nested(TranslationalFiveBar.transplanter)
+    """Geometry and masses [assumed but for the window, see TranslationalFiveBar.transplanter]."""
+    motor_height_m: float = num(1.690, 0.1, 5.0, "m")
+    """Motor axes above the ground [assumed: conveyors at working height]."""
+    half_platform_m: float = num(0.045, 0.001, 0.5, "m")
+    """Half the distance of the wrists on the platform; the motors stand as much farther out than the mechanism's offset
+    [assumed]."""
+    gripper_drop_m: float = num(0.250, 0.110, 2.0, "m")
+    """Needle tips below the wrists [assumed]."""
+    torque_limit_n_m: float = num(90.0, 0.1, 1e4, "N m")
+    """Each motor behind its gear [assumed: 1.6 times the 56 N m that the fastest gate with the published payload
+    needs]."""
+    physics_hz: float = num(500.0, 50.0, 1e4, "Hz")
+    """Simulation steps a second [assumed; the tracking figures are measured with it]."""
 
     def check(self) -> None:
         """The arm has masses."""

@@ -39,19 +39,28 @@ _CYLINDER_M = 0.36
 class WeederParameters(Config):
     """Everything that the weeder's physics depends on; masses, forces and rates are assumed."""
 
-    mechanism: ThreeUPSRPU = nested(
-        ThreeUPSRPU.weeder, "The platform's geometry (published radii, synthesised layout)."
-    )
-    base_height_m: float = num(1.45, 0.2, 5.0, "m", "Mechanism's base over the ground.")
-    platform_mass_kg: float = num(5.0, 0.01, 500.0, "kg", "Platform with laser head, its optics and the tool camera.")
-    cylinder_mass_kg: float = num(1.5, 0.01, 100.0, "kg", "Upper part of a leg.")
-    rod_mass_kg: float = num(0.6, 0.01, 100.0, "kg", "Lower part of a leg.")
-    leg_force_limit_n: float = num(600.0, 1.0, 1e5, "N", "Each of the four actuators.")
-    cart_mass_kg: float = num(250.0, 1.0, 10_000.0, "kg", "Frame, wheels, laser source, cooler and batteries.")
-    cart_force_limit_n: float = num(1500.0, 1.0, 1e6, "N", "Thrust of the wheel drives.")
-    camera_ahead_m: float = num(0.85, 0.0, 5.0, "m", "Front camera in front of the mechanism, only for the looks.")
-    camera_height_m: float = num(0.85, 0.05, 5.0, "m", "Its height over the ground, only for the looks.")
-    physics_hz: float = num(240.0, 30.0, 100_000.0, "1/s", "Simulation steps a second.")
+    mechanism: ThreeUPSRPU = nested(ThreeUPSRPU.weeder)
+    """The platform's geometry (published radii, synthesised layout)."""
+    base_height_m: float = num(1.45, 0.2, 5.0, "m")
+    """Mechanism's base over the ground."""
+    platform_mass_kg: float = num(5.0, 0.01, 500.0, "kg")
+    """Platform with laser head, its optics and the tool camera."""
+    cylinder_mass_kg: float = num(1.5, 0.01, 100.0, "kg")
+    """Upper part of a leg."""
+    rod_mass_kg: float = num(0.6, 0.01, 100.0, "kg")
+    """Lower part of a leg."""
+    leg_force_limit_n: float = num(600.0, 1.0, 1e5, "N")
+    """Each of the four actuators."""
+    cart_mass_kg: float = num(250.0, 1.0, 10_000.0, "kg")
+    """Frame, wheels, laser source, cooler and batteries."""
+    cart_force_limit_n: float = num(1500.0, 1.0, 1e6, "N")
+    """Thrust of the wheel drives."""
+    camera_ahead_m: float = num(0.85, 0.0, 5.0, "m")
+    """Front camera in front of the mechanism, only for the looks."""
+    camera_height_m: float = num(0.85, 0.05, 5.0, "m")
+    """Its height over the ground, only for the looks."""
+    physics_hz: float = num(240.0, 30.0, 100_000.0, "1/s")
+    """Simulation steps a second."""
 
 
 def weeder_robot(parameters: WeederParameters) -> Robot:

@@ -18,6 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fieldgym.envs.task import task, tasks
 from fieldgym.kernels.config import (
     Config,
     ConfigError,
@@ -30,8 +31,9 @@ from fieldgym.kernels.config import (
     text,
     to_mapping,
 )
+from fieldgym.kernels.config_fields import entries
 from fieldgym.kernels.config_files import parse_yaml
-from fieldgym.kernels.config_tables import rows, schema
+from fieldgym.kernels.config_tables import documented, rows, schema
 
 
 @dataclass(frozen=True)
@@ -53,15 +55,24 @@ class Process(Config):
     More than the first paragraph.
     """
 
-    locate_s: float = num(7.304, 0.0, 600.0, "s", "Locating one head [identified: 16 s per head].")
-    strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "", "Shear strokes over the head [assumed].")
-    power_w: float | None = num(None, 1e-3, 1e4, "W", "Optical power [assumed], if [published range 5-200] is known.")
-    corner_m: float = num(inf, 1e-6, inf, "m", "Largest corner radius.")
-    recall: tuple[tuple[float, ...], ...] = num(((0, 1), (0.5,)), 0, 1, "", "By stage.")
-    mode: str = choice("fast", ("fast", "slow"), "How.")
-    law: Literal["quintic", "septic"] = choice("quintic", ("quintic", "septic"), "Motion law.")
-    repeats: int = num(1, 0, inf, "", "Any number.")
-    spot_m: tuple[float, float] | None = num(None, -1, 1, "m", "A place.")
+    locate_s: float = num(7.304, 0.0, 600.0, "s")
+    """Locating one head [identified: 16 s per head]."""
+    strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "")
+    """Shear strokes over the head [assumed]."""
+    power_w: float | None = num(None, 1e-3, 1e4, "W")
+    """Optical power [assumed], if [published range 5-200] is known."""
+    corner_m: float = num(inf, 1e-6, inf, "m")
+    """Largest corner radius."""
+    recall: tuple[tuple[float, ...], ...] = num(((0, 1), (0.5,)), 0, 1, "")
+    """By stage."""
+    mode: str = choice("fast", ("fast", "slow"))
+    """How."""
+    law: Literal["quintic", "septic"] = choice("quintic", ("quintic", "septic"))
+    """Motion law."""
+    repeats: int = num(1, 0, inf, "")
+    """Any number."""
+    spot_m: tuple[float, float] | None = num(None, -1, 1, "m")
+    """A place."""
 
     def check(self) -> None:
         """Strokes ascend."""
@@ -78,22 +89,32 @@ class Process(Config):
 class Tray(Config):
     """A tray [all assumed]."""
 
-    cells: int = num(..., 1, 1000, "", "Cells.")
-    name: str = text(..., "Name.")
+    cells: int = num(..., 1, 1000, "")
+    """Cells."""
+    name: str = text(...)
+    """Name."""
 
 
 @dataclass(frozen=True)
 class Task(Config):
     """Everything."""
 
-    slots: int = num(..., 1, 64, "", "Candidates.")
-    tray: Tray = nested(..., "The tray.")
-    process: Process = nested(Process, "Picking.")
-    slow: Process = nested(Process(locate_s=30.0), "Slow picking.")
-    arm: Arm = nested(Arm, "Geometry.")
-    spares: tuple[Tray, ...] = nested((), "Further trays.")
-    other: Tray | None = nested(None, "Another tray.")
-    potted: bool = flag(False, "Whether the plants stand in pots.")
+    slots: int = num(..., 1, 64, "")
+    """Candidates."""
+    tray: Tray = nested(...)
+    """The tray."""
+    process: Process = nested(Process)
+    """Picking."""
+    slow: Process = nested(Process(locate_s=30.0))
+    """Slow picking."""
+    arm: Arm = nested(Arm)
+    """Geometry."""
+    spares: tuple[Tray, ...] = nested(())
+    """Further trays."""
+    other: Tray | None = nested(None)
+    """Another tray."""
+    potted: bool = flag(False)
+    """Whether the plants stand in pots."""
 
     def check(self) -> None:
         """Rules between the parts."""
@@ -504,6 +525,22 @@ def test_the_schema_says_what_the_declarations_say() -> None:
     assert schema(Process)["description"] == "Picking one head."
 
 
+def test_docstrings_are_read_where_there_is_source() -> None:
+    assert documented(Undecorated) == documented(Process) | {"more": "More."}
+    made: dict[str, Any] = {"Process": Process, "__name__": "prompt"}
+    exec('class Told(Process):\n    other: int\n    """Not to be read."""\n', made)
+    assert documented(made["Told"]) == documented(Process)
+
+
+@pytest.mark.parametrize("env_id", [spec.id for spec in tasks()])
+def test_every_number_of_a_task_says_what_it_means(env_id: str) -> None:
+    open_classes: list[type] = [task(env_id).assembly.config]
+    for cls in open_classes:
+        inner = {entry.nested for entry in entries(cls).values() if entry.nested is not None}
+        open_classes += [kind for kind in inner if issubclass(kind, Config) and kind not in open_classes]
+        assert set(entries(cls)) <= set(documented(cls)), cls
+
+
 def test_the_schema_takes_what_the_configuration_takes() -> None:
     validator = pytest.importorskip("jsonschema").Draft202012Validator
     validator.check_schema(schema(Task))
@@ -551,13 +588,14 @@ class Loose(Config):
 class Listed(Config):
     """A declared field of a type that is not supported."""
 
-    slots: list[int] = num(..., 0, 1, "", "")
+    slots: list[int] = num(..., 0, 1, "")
 
 
 class Undecorated(Process):
     """The decorator is missing."""
 
-    more: int = num(3, 0, 9, "", "More.")
+    more: int = num(3, 0, 9, "")
+    """More."""
 
 
 def test_mistakes_in_declarations_are_told_to_the_developer() -> None:
@@ -570,7 +608,7 @@ def test_mistakes_in_declarations_are_told_to_the_developer() -> None:
     with pytest.raises(TypeError, match=r"Undecorated.more: put @dataclass\(frozen=True\)"):
         Undecorated()
     with pytest.raises(TypeError, match="lower and an upper end"):
-        num(1, 2, 1, "", "")
+        num(1, 2, 1, "")
     with pytest.raises(TypeError, match="call it check"):
 
         class Replaced(Config):

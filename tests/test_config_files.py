@@ -20,31 +20,44 @@ from fieldgym.kernels.config_files import MAX_BYTES, MAX_DEPTH, load_yaml, parse
 class Process(Config):
     """Picking one head."""
 
-    locate_s: float = num(7.304, 0.0, 600.0, "s", "Locating one head.")
-    strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "", "Shear strokes over the head.")
-    corner_m: float = num(inf, 1e-6, inf, "m", "Largest corner radius.")
-    mode: str = text("fast", "How.")
+    locate_s: float = num(7.304, 0.0, 600.0, "s")
+    """Locating one head."""
+    strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "")
+    """Shear strokes over the head."""
+    corner_m: float = num(inf, 1e-6, inf, "m")
+    """Largest corner radius."""
+    mode: str = text("fast")
+    """How."""
 
 
 @dataclass(frozen=True)
 class Tray(Config):
     """A tray."""
 
-    cells: int = num(..., 1, 1000, "", "Cells.")
-    name: str = text(..., "Name.")
+    cells: int = num(..., 1, 1000, "")
+    """Cells."""
+    name: str = text(...)
+    """Name."""
 
 
 @dataclass(frozen=True)
 class Task(Config):
     """Everything."""
 
-    slots: int = num(..., 1, 64, "", "Candidates.")
-    tray: Tray = nested(..., "The tray.")
-    process: Process = nested(Process, "Picking.")
-    slow: Process = nested(Process(locate_s=30.0), "Slow picking.")
-    spares: tuple[Tray, ...] = nested((), "Further trays.")
-    other: Tray | None = nested(None, "Another tray.")
-    potted: bool = flag(False, "Whether the plants stand in pots.")
+    slots: int = num(..., 1, 64, "")
+    """Candidates."""
+    tray: Tray = nested(...)
+    """The tray."""
+    process: Process = nested(Process)
+    """Picking."""
+    slow: Process = nested(Process(locate_s=30.0))
+    """Slow picking."""
+    spares: tuple[Tray, ...] = nested(())
+    """Further trays."""
+    other: Tray | None = nested(None)
+    """Another tray."""
+    potted: bool = flag(False)
+    """Whether the plants stand in pots."""
 
 
 TASK = Task(4, Tray(72, "a"))

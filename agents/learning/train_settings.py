@@ -21,39 +21,65 @@ COMMON_ALGORITHMS = ("maskable-ppo", "ppo")
 class TrainSettings(Config):
     """Everything that decides what a training run learns, its seed apart."""
 
-    algo: str = text(
-        "maskable-ppo",
-        '"maskable-ppo", "ppo" with the mask inside the network, or one of the task\'s own: "policy-iteration" is a '
-        "planner with a learned value.",
-    )
-    scenario: str | None = text(None, "Of the environment; None for its headline scenario.")
-    steps: int = num(1_000_000, 1, 10**12, "", "Decisions to learn from.")
-    teacher: str | None = text(None, "Scripted policy whose choices are learnt first; None begins with nothing.")
-    teacher_decisions: int = num(200_000, 1, 10**12, "", "How many of them.")
-    teacher_epochs: int = num(4, 1, 10_000, "", "Passes over them.")
-    num_envs: int = num(256, 1, 100_000, "", "Worlds in the batch.")
-    n_steps: int = num(64, 1, 1_000_000, "", "Decisions a world between two updates.")
-    batch_size: int = num(4096, 1, 10**9, "", "Of an update's minibatches.")
-    n_epochs: int = num(4, 1, 10_000, "", "Passes over what was collected.")
-    learning_rate: float = num(1e-3, 1e-12, 10.0, "", "At the beginning; falls linearly to final_learning_rate.")
-    final_learning_rate: float = num(1e-4, 0.0, 10.0, "", "At the end.")
-    gamma: float = num(0.99, 0.0, 1.0, "", "Discount a decision.")
-    gae_lambda: float = num(0.95, 0.0, 1.0, "", "Of the advantage estimate.")
-    clip_range: float = num(0.2, 1e-9, 100.0, "", "Of the policy's ratio.")
-    ent_coef: float = num(0.005, 0.0, 1e6, "", "Weight of the entropy.")
-    vf_coef: float = num(0.5, 0.0, 1e6, "", "Weight of the value loss.")
-    max_grad_norm: float = num(0.5, 1e-12, 1e12, "", "Of an update.")
-    target_kl: float | None = num(None, 1e-12, 1e6, "", "Ends an update's passes early; None never.")
-    reward_scale: float = num(1.0, 1e-12, 1e12, "", "What learners see is the reward times this.")
-    time_limit_ends: bool = flag(True, "Nothing is worth anything after the time limit, see ``make_vec_env``.")
-    hidden: int = num(48, 1, 100_000, "", "Width of the actor.")
-    critic_hidden: int = num(48, 1, 100_000, "", "Width of the critic.")
-    relations: int = num(0, 0, 10_000, "", "Numbers that candidates hear of each other, see ``set_policy.SetActor``.")
-    episodes: int = num(4096, 1, 10**9, "", 'Of a round of "policy-iteration", as the next two.')
-    depth: int = num(4, 1, 1000, "", "Decisions that the planner looks ahead.")
-    width: int = num(8, 1, 100_000, "", "Sequences that it keeps.")
-    evaluate_every: int = num(10, 1, 10**9, "", "Updates between evaluations on held-out seeds.")
-    evaluation_episodes: int = num(64, 1, 1_000_000, "", "Seeds of each.")
+    algo: str = text("maskable-ppo")
+    """"maskable-ppo", "ppo" with the mask inside the network, or one of the task's own: "policy-iteration" is a planner
+    with a learned value."""
+    scenario: str | None = text(None)
+    """Of the environment; None for its headline scenario."""
+    steps: int = num(1_000_000, 1, 10**12, "")
+    """Decisions to learn from."""
+    teacher: str | None = text(None)
+    """Scripted policy whose choices are learnt first; None begins with nothing."""
+    teacher_decisions: int = num(200_000, 1, 10**12, "")
+    """How many of them."""
+    teacher_epochs: int = num(4, 1, 10_000, "")
+    """Passes over them."""
+    num_envs: int = num(256, 1, 100_000, "")
+    """Worlds in the batch."""
+    n_steps: int = num(64, 1, 1_000_000, "")
+    """Decisions a world between two updates."""
+    batch_size: int = num(4096, 1, 10**9, "")
+    """Of an update's minibatches."""
+    n_epochs: int = num(4, 1, 10_000, "")
+    """Passes over what was collected."""
+    learning_rate: float = num(1e-3, 1e-12, 10.0, "")
+    """At the beginning; falls linearly to final_learning_rate."""
+    final_learning_rate: float = num(1e-4, 0.0, 10.0, "")
+    """At the end."""
+    gamma: float = num(0.99, 0.0, 1.0, "")
+    """Discount a decision."""
+    gae_lambda: float = num(0.95, 0.0, 1.0, "")
+    """Of the advantage estimate."""
+    clip_range: float = num(0.2, 1e-9, 100.0, "")
+    """Of the policy's ratio."""
+    ent_coef: float = num(0.005, 0.0, 1e6, "")
+    """Weight of the entropy."""
+    vf_coef: float = num(0.5, 0.0, 1e6, "")
+    """Weight of the value loss."""
+    max_grad_norm: float = num(0.5, 1e-12, 1e12, "")
+    """Of an update."""
+    target_kl: float | None = num(None, 1e-12, 1e6, "")
+    """Ends an update's passes early; None never."""
+    reward_scale: float = num(1.0, 1e-12, 1e12, "")
+    """What learners see is the reward times this."""
+    time_limit_ends: bool = flag(True)
+    """Nothing is worth anything after the time limit, see ``make_vec_env``."""
+    hidden: int = num(48, 1, 100_000, "")
+    """Width of the actor."""
+    critic_hidden: int = num(48, 1, 100_000, "")
+    """Width of the critic."""
+    relations: int = num(0, 0, 10_000, "")
+    """Numbers that candidates hear of each other, see ``set_policy.SetActor``."""
+    episodes: int = num(4096, 1, 10**9, "")
+    """Of a round of "policy-iteration", as the next two."""
+    depth: int = num(4, 1, 1000, "")
+    """Decisions that the planner looks ahead."""
+    width: int = num(8, 1, 100_000, "")
+    """Sequences that it keeps."""
+    evaluate_every: int = num(10, 1, 10**9, "")
+    """Updates between evaluations on held-out seeds."""
+    evaluation_episodes: int = num(64, 1, 1_000_000, "")
+    """Seeds of each."""
 
     def check(self) -> None:
         """A minibatch can be filled."""

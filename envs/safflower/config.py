@@ -30,15 +30,12 @@ Triple = tuple[float, float, float]
 class MachineConfig(Config):
     """The cart and its arm: the machine itself and how it is used."""
 
-    picker: PickerParameters = nested(
-        PickerParameters, "Geometry, rates and motors; the scenario sets its ``motor_height_m``."
-    )
-    clear_level_m: float = num(
-        -0.28, -2.0, 0.0, "m", "Level of every traverse in the arm's plane, the widest part of the workspace [assumed]."
-    )
-    settle_s: float = num(
-        0.5, 0.0, 600.0, "s", "Wait after the cart has moved, until plants and frame stand still [assumed]."
-    )
+    picker: PickerParameters = nested(PickerParameters)
+    """Geometry, rates and motors; the scenario sets its ``motor_height_m``."""
+    clear_level_m: float = num(-0.28, -2.0, 0.0, "m")
+    """Level of every traverse in the arm's plane, the widest part of the workspace [assumed]."""
+    settle_s: float = num(0.5, 0.0, 600.0, "s")
+    """Wait after the cart has moved, until plants and frame stand still [assumed]."""
 
     def check(self) -> None:
         """The traverse lies within reach."""
@@ -51,80 +48,52 @@ class MachineConfig(Config):
 class ProcessConfig(Config):
     """Cutting and sucking one head, by effort (quick, normal, thorough)."""
 
-    strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "", "Shear strokes over the head, by effort [assumed].")
-    suction_s: Triple = num((1.0, 2.0, 3.0), 0.0, 600.0, "s", "Suction after the last stroke, by effort [assumed].")
-    shear_speed: float = num(
-        0.030, 1e-3, 5.0, "m/s", "Reciprocating shear speed [published: the paper, test conditions]."
-    )
-    stroke_m: float = num(
-        0.04785, 1e-3, 0.5, "m", "Length of one stroke: the filament spread [published: 47.85 +- 3.73 mm]."
-    )
-    locate_s: float = num(
-        7.304,
-        0.0,
-        600.0,
-        "s",
-        "Locating one head and handing its coordinates to the motors, before every pick [identified: 16 s per head].",
-    )
-    recognise_s: float = num(1.0, 0.0, 600.0, "s", "Taking and segmenting the image of a stop [assumed].")
-    stroke_cut: float = num(
-        0.7505,
-        1e-6,
-        1.0 - 1e-6,
-        "",
-        "Share of the remaining filaments that one centred stroke cuts [identified: 87.91 % net rate].",
-    )
-    cut_radius_m: float = num(
-        0.012,
-        1e-4,
-        0.5,
-        "m",
-        "Radial tool error (Gaussian sigma) that costs a stroke 39 % of its cut [assumed: half the tuft's radius].",
-    )
-    cut_height_m: float = num(
-        0.010,
-        1e-4,
-        0.5,
-        "m",
-        "The same for a tool held too high or too low [assumed: half the 21.6 mm head height].",
-    )
-    capture_radius_m: float = num(
-        0.024,
-        0.0,
-        0.5,
-        "m",
-        "Beyond this radial error the head does not enter the shear hole [published: half the filament spread].",
-    )
-    suction_loss: float = num(
-        0.35, 0.0, 1.0, "", "Share of the cut filaments that would drop without suction time [assumed]."
-    )
-    suction_decay_s: float = num(
-        1.0, 1e-3, 600.0, "s", "Time constant with which suction time reduces that share [assumed]."
-    )
-    luck_logit: float = num(
-        0.509,
-        0.0,
-        5.0,
-        "",
-        "Standard deviation of a head's cut and collection on the logit scale [identified: Table 2, SD 1.60 points].",
-    )
-    illegal_s: float = num(1.0, 0.0, 600.0, "s", "What an action that is not possible costs [assumed].")
+    strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "")
+    """Shear strokes over the head, by effort [assumed]."""
+    suction_s: Triple = num((1.0, 2.0, 3.0), 0.0, 600.0, "s")
+    """Suction after the last stroke, by effort [assumed]."""
+    shear_speed: float = num(0.030, 1e-3, 5.0, "m/s")
+    """Reciprocating shear speed [published: the paper, test conditions]."""
+    stroke_m: float = num(0.04785, 1e-3, 0.5, "m")
+    """Length of one stroke: the filament spread [published: 47.85 +- 3.73 mm]."""
+    locate_s: float = num(7.304, 0.0, 600.0, "s")
+    """Locating one head and handing its coordinates to the motors, before every pick [identified: 16 s per head]."""
+    recognise_s: float = num(1.0, 0.0, 600.0, "s")
+    """Taking and segmenting the image of a stop [assumed]."""
+    stroke_cut: float = num(0.7505, 1e-6, 1.0 - 1e-6, "")
+    """Share of the remaining filaments that one centred stroke cuts [identified: 87.91 % net rate]."""
+    cut_radius_m: float = num(0.012, 1e-4, 0.5, "m")
+    """Radial tool error (Gaussian sigma) that costs a stroke 39 % of its cut [assumed: half the tuft's radius]."""
+    cut_height_m: float = num(0.010, 1e-4, 0.5, "m")
+    """The same for a tool held too high or too low [assumed: half the 21.6 mm head height]."""
+    capture_radius_m: float = num(0.024, 0.0, 0.5, "m")
+    """Beyond this radial error the head does not enter the shear hole [published: half the filament spread]."""
+    suction_loss: float = num(0.35, 0.0, 1.0, "")
+    """Share of the cut filaments that would drop without suction time [assumed]."""
+    suction_decay_s: float = num(1.0, 1e-3, 600.0, "s")
+    """Time constant with which suction time reduces that share [assumed]."""
+    luck_logit: float = num(0.509, 0.0, 5.0, "")
+    """Standard deviation of a head's cut and collection on the logit scale [identified: Table 2, SD 1.60 points]."""
+    illegal_s: float = num(1.0, 0.0, 600.0, "s")
+    """What an action that is not possible costs [assumed]."""
 
 
 @dataclass(frozen=True)
 class PerceptionModel(Config):
     """What the camera reports of a head, as a statistical model (see ``scripts/measure_camera.py``)."""
 
-    recall: tuple[ByStage, ByStage] = num(
-        ..., 0.0, 1.0, "", "Probability that a head is reported, free and occluded, by stage."
-    )
-    false_per_stop: float = num(..., 0.0, 20.0, "", "Mean number of reports at a stop that are no head.")
-    bias_m: Triple = num(..., -0.2, 0.2, "m", "Mean error of the reported position (along, across, up).")
-    sigma_m: Triple = num(..., 0.0, 0.2, "m", "Standard deviation of that error.")
-    stage_confusion: tuple[ByStage, ByStage, ByStage, ByStage] = num(
-        ..., 0.0, 1.0, "", "Row = true stage, column = reported stage, rows add up to 1."
-    )
-    size_sigma: float = num(..., 0.0, 1.0, "", "Relative error of the reported size.")
+    recall: tuple[ByStage, ByStage] = num(..., 0.0, 1.0, "")
+    """Probability that a head is reported, free and occluded, by stage."""
+    false_per_stop: float = num(..., 0.0, 20.0, "")
+    """Mean number of reports at a stop that are no head."""
+    bias_m: Triple = num(..., -0.2, 0.2, "m")
+    """Mean error of the reported position (along, across, up)."""
+    sigma_m: Triple = num(..., 0.0, 0.2, "m")
+    """Standard deviation of that error."""
+    stage_confusion: tuple[ByStage, ByStage, ByStage, ByStage] = num(..., 0.0, 1.0, "")
+    """Row = true stage, column = reported stage, rows add up to 1."""
+    size_sigma: float = num(..., 0.0, 1.0, "")
+    """Relative error of the reported size."""
 
     def check(self) -> None:
         """Every stage is reported as some stage."""
@@ -157,36 +126,38 @@ class PerceptionModel(Config):
 class ScenarioConfig(Config):
     """One kind of field. Days are days of flowering."""
 
-    plants: int = num(..., 1, 500, "", "Plants in the row.")
-    pitch_m: float = num(..., 0.01, 5.0, "m", "Distance of the plants in the row.")
-    window_m: float = num(..., 0.02, 5.0, "m", "Length of row that a stop serves; the next stop is this much farther.")
-    max_heads: int = num(..., 1, 200, "", "Most heads on a plant; draws beyond it are cut off.")
-    mean_heads: float = num(
-        ..., 0.01, 200.0, "", "Mean of the negative binomial; without dispersion draws are uniform in 1..max_heads."
-    )
-    dispersion: float = num(
-        ..., 0.0, 1000.0, "", "Size parameter of the negative binomial; 0 draws uniformly from 1..max_heads."
-    )
-    motor_height_m: float = num(
-        ..., *MOTOR_HEIGHT_M, "m", "Height of the motors' axes: the frame is set to the crop before a row."
-    )
-    plant_height_m: tuple[float, float] = num(
-        ..., 0.0, 2.0, "m", "Mean and standard deviation of the plants' height, or its range when ``potted``."
-    )
-    crown_m: tuple[float, float] = num(..., 0.01, 1.0, "m", "Range of the crown's width.")
-    head_drop_m: Triple = num(
-        ..., 0.0, 1.0, "m", "How far below the plant's top the terminal, primary and secondary heads stand at most."
-    )
-    visit_day: tuple[float, float] = num(
-        ..., -30.0, 60.0, "d", "The row is visited on a day drawn from this range of the flowering period."
-    )
-    occluded: float = num(..., 0.0, 1.0, "", "Share of heads behind leaves.")
-    potted: bool = flag(..., "Pots on blocks, each at the middle of its stop, with all their flowers open.")
-    time_limit_s: float = num(..., 1.0, 86400.0, "s", "The episode is truncated at this simulated time.")
-    max_tracks: int = num(..., 1, 5000, "", "Most reports kept in one episode.")
-    camera_fit: str = choice(
-        ..., _FITS, 'Scenario whose measured camera stands in for the camera with ``perception="model"``.'
-    )
+    plants: int = num(..., 1, 500, "")
+    """Plants in the row."""
+    pitch_m: float = num(..., 0.01, 5.0, "m")
+    """Distance of the plants in the row."""
+    window_m: float = num(..., 0.02, 5.0, "m")
+    """Length of row that a stop serves; the next stop is this much farther."""
+    max_heads: int = num(..., 1, 200, "")
+    """Most heads on a plant; draws beyond it are cut off."""
+    mean_heads: float = num(..., 0.01, 200.0, "")
+    """Mean of the negative binomial; without dispersion draws are uniform in 1..max_heads."""
+    dispersion: float = num(..., 0.0, 1000.0, "")
+    """Size parameter of the negative binomial; 0 draws uniformly from 1..max_heads."""
+    motor_height_m: float = num(..., *MOTOR_HEIGHT_M, "m")
+    """Height of the motors' axes: the frame is set to the crop before a row."""
+    plant_height_m: tuple[float, float] = num(..., 0.0, 2.0, "m")
+    """Mean and standard deviation of the plants' height, or its range when ``potted``."""
+    crown_m: tuple[float, float] = num(..., 0.01, 1.0, "m")
+    """Range of the crown's width."""
+    head_drop_m: Triple = num(..., 0.0, 1.0, "m")
+    """How far below the plant's top the terminal, primary and secondary heads stand at most."""
+    visit_day: tuple[float, float] = num(..., -30.0, 60.0, "d")
+    """The row is visited on a day drawn from this range of the flowering period."""
+    occluded: float = num(..., 0.0, 1.0, "")
+    """Share of heads behind leaves."""
+    potted: bool = flag(...)
+    """Pots on blocks, each at the middle of its stop, with all their flowers open."""
+    time_limit_s: float = num(..., 1.0, 86400.0, "s")
+    """The episode is truncated at this simulated time."""
+    max_tracks: int = num(..., 1, 5000, "")
+    """Most reports kept in one episode."""
+    camera_fit: str = choice(..., _FITS)
+    """Scenario whose measured camera stands in for the camera with ``perception="model"``."""
 
     def check(self) -> None:
         """Ranges ascend, and the row is one that fits into memory."""
@@ -273,42 +244,35 @@ SCENARIOS: dict[str, ScenarioConfig] = {
 class RewardWeights(Config):
     """Value of the named reward terms, in grams of filament."""
 
-    collected_g: float = num(1.0, -1000.0, 1000.0, "", "For every gram collected.")
-    lost_g: float = num(-0.25, -1000.0, 1000.0, "", "For every gram that a pick leaves on the head or drops.")
-    seconds: float = num(
-        -0.008,
-        -1000.0,
-        1000.0,
-        "g/s",
-        "For every second; a head of 0.38 g in the published 16 s earns 0.024 g/s, time is charged at a third of that"
-        " [assumed].",
-    )
+    collected_g: float = num(1.0, -1000.0, 1000.0, "")
+    """For every gram collected."""
+    lost_g: float = num(-0.25, -1000.0, 1000.0, "")
+    """For every gram that a pick leaves on the head or drops."""
+    seconds: float = num(-0.008, -1000.0, 1000.0, "g/s")
+    """For every second; a head of 0.38 g in the published 16 s earns 0.024 g/s, time is charged at a third of that
+    [assumed]."""
 
 
 @dataclass(frozen=True)
 class SafflowerConfig(Config):
     """Everything that defines a picking task."""
 
-    scenario: ScenarioConfig = nested(POTS, "What grows, and what the machine is set to for it.")
-    machine: MachineConfig = nested(MachineConfig, "The cart and its arm.")
-    process: ProcessConfig = nested(ProcessConfig, "Cutting and sucking.")
-    weights: RewardWeights = nested(RewardWeights, "The reward.")
-    slots: int = num(16, 1, 5000, "", "Candidates that a policy is shown at once.")
-    head_mass_g: float = num(
-        0.377,
-        1e-3,
-        5.0,
-        "g",
-        "Fresh filaments of an open head [identified: Table 2, 14.152 g on 15 pots of 2.5 heads].",
-    )
-    head_mass_spread: float = num(0.25, 0.0, 0.6, "", "Standard deviation of the logarithm of a head's mass [assumed].")
-    lane_m: float = num(
-        0.05,
-        1e-3,
-        5.0,
-        "m",
-        "The fixed order sweeps lanes of this width across the row, to and fro [assumed: the paper names no order].",
-    )
+    scenario: ScenarioConfig = nested(POTS)
+    """What grows, and what the machine is set to for it."""
+    machine: MachineConfig = nested(MachineConfig)
+    """The cart and its arm."""
+    process: ProcessConfig = nested(ProcessConfig)
+    """Cutting and sucking."""
+    weights: RewardWeights = nested(RewardWeights)
+    """The reward."""
+    slots: int = num(16, 1, 5000, "")
+    """Candidates that a policy is shown at once."""
+    head_mass_g: float = num(0.377, 1e-3, 5.0, "g")
+    """Fresh filaments of an open head [identified: Table 2, 14.152 g on 15 pots of 2.5 heads]."""
+    head_mass_spread: float = num(0.25, 0.0, 0.6, "")
+    """Standard deviation of the logarithm of a head's mass [assumed]."""
+    lane_m: float = num(0.05, 1e-3, 5.0, "m")
+    """The fixed order sweeps lanes of this width across the row, to and fro [assumed: the paper names no order]."""
 
     def check(self) -> None:
         """No more candidates than reports."""

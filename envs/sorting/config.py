@@ -33,68 +33,47 @@ _STRAIGHT = radians(90.0)
 class MachineConfig(Config):
     """The 3-PRRS over the belt and how it is used. Mechanism coordinates: x with the belt, y across, z up."""
 
-    sorter: SorterParameters = nested(SorterParameters, "Geometry, rates and motors.")
-    travel_level_m: float = num(
-        0.090,
-        0.03,
-        0.095,
-        "m",
-        "Platform height of every traverse, in the mechanism's coordinates [assumed: clears what lies on the belt].",
-    )
-    tilt_limit_rad: float = num(
-        radians(20.0),
-        0.0,
-        radians(20.0),
-        "rad",
-        "Largest tilt that is commanded: the stroke ends a little above it [assumed, from the reach table].",
-    )
-    yaw_limit_rad: float = num(
-        radians(60.0),
-        0.0,
-        radians(60.0),
-        "rad",
-        "Largest yaw that is commanded [assumed: the reach shrinks with the yaw].",
-    )
-    shortest_move_s: float = num(0.10, 1e-3, 10.0, "s", "A motion is given at least this long [assumed].")
-    stop_s: float = num(
-        0.15, 1e-3, 10.0, "s", "Coming to rest from the belt's speed after a grip that holds nothing [assumed]."
-    )
+    sorter: SorterParameters = nested(SorterParameters)
+    """Geometry, rates and motors."""
+    travel_level_m: float = num(0.090, 0.03, 0.095, "m")
+    """Platform height of every traverse, in the mechanism's coordinates [assumed: clears what lies on the belt]."""
+    tilt_limit_rad: float = num(radians(20.0), 0.0, radians(20.0), "rad")
+    """Largest tilt that is commanded: the stroke ends a little above it [assumed, from the reach table]."""
+    yaw_limit_rad: float = num(radians(60.0), 0.0, radians(60.0), "rad")
+    """Largest yaw that is commanded [assumed: the reach shrinks with the yaw]."""
+    shortest_move_s: float = num(0.10, 1e-3, 10.0, "s")
+    """A motion is given at least this long [assumed]."""
+    stop_s: float = num(0.15, 1e-3, 10.0, "s")
+    """Coming to rest from the belt's speed after a grip that holds nothing [assumed]."""
 
 
 @dataclass(frozen=True)
 class GripConfig(Config):
     """Two soft fingers that close across the item's width, and what misalignment costs."""
 
-    grip_s: float = num(0.15, 0.0, 10.0, "s", "Closing the fingers, while the tool follows the belt [assumed].")
-    release_s: float = num(0.10, 0.0, 10.0, "s", "Opening them over the bin [assumed].")
-    best: float = num(0.98, 0.0, 1.0, "", "Share of centred, aligned grips that hold [assumed].")
-    centre_sigma_m: float = num(
-        0.008, 1e-6, 0.2, "m", "Horizontal tool error (Gaussian sigma) that costs 39 % of them [assumed]."
-    )
-    height_sigma_m: float = num(0.012, 1e-6, 0.2, "m", "The same for a tool too high or too low [assumed].")
-    capture_m: float = num(
-        0.025, 1e-6, 0.2, "m", "Beyond this horizontal error the fingers close beside the item [assumed]."
-    )
-    misfit_sigma: float = num(
-        0.12,
-        1e-6,
-        10.0,
-        "",
-        "Misfit of the fingers that costs 39 %: sine of the error in yaw times 1 - width / length, and sine of the "
-        "error in tilt times 1 - thickness / length; a round item does not mind how it is turned [assumed].",
-    )
-    slip: float = num(
-        0.35, 0.0, 1.0, "", "Share of held items that slip on the way, times 1 - quality of the grip [assumed]."
-    )
-    refused_tilt_rad: float = num(
-        radians(8.0),
-        0.0,
-        _STRAIGHT,
-        "rad",
-        "Items that lean by more than this beyond the machine's tilt limit are not gripped [assumed].",
-    )
-    illegal_s: float = num(0.25, 1e-3, 60.0, "s", "What an action that is not possible costs [assumed].")
-    wait_s: float = num(0.50, 1e-3, 60.0, "s", "Length of one wait [assumed].")
+    grip_s: float = num(0.15, 0.0, 10.0, "s")
+    """Closing the fingers, while the tool follows the belt [assumed]."""
+    release_s: float = num(0.10, 0.0, 10.0, "s")
+    """Opening them over the bin [assumed]."""
+    best: float = num(0.98, 0.0, 1.0, "")
+    """Share of centred, aligned grips that hold [assumed]."""
+    centre_sigma_m: float = num(0.008, 1e-6, 0.2, "m")
+    """Horizontal tool error (Gaussian sigma) that costs 39 % of them [assumed]."""
+    height_sigma_m: float = num(0.012, 1e-6, 0.2, "m")
+    """The same for a tool too high or too low [assumed]."""
+    capture_m: float = num(0.025, 1e-6, 0.2, "m")
+    """Beyond this horizontal error the fingers close beside the item [assumed]."""
+    misfit_sigma: float = num(0.12, 1e-6, 10.0, "")
+    """Misfit of the fingers that costs 39 %: sine of the error in yaw times 1 - width / length, and sine of the error
+    in tilt times 1 - thickness / length; a round item does not mind how it is turned [assumed]."""
+    slip: float = num(0.35, 0.0, 1.0, "")
+    """Share of held items that slip on the way, times 1 - quality of the grip [assumed]."""
+    refused_tilt_rad: float = num(radians(8.0), 0.0, _STRAIGHT, "rad")
+    """Items that lean by more than this beyond the machine's tilt limit are not gripped [assumed]."""
+    illegal_s: float = num(0.25, 1e-3, 60.0, "s")
+    """What an action that is not possible costs [assumed]."""
+    wait_s: float = num(0.50, 1e-3, 60.0, "s")
+    """Length of one wait [assumed]."""
 
 
 @dataclass(frozen=True)
@@ -105,25 +84,36 @@ class ProduceConfig(Config):
     body of every kind.
     """
 
-    fruit_share: float = num(0.5, 0.0, 1.0, "", "Share of fruits, the others are tubers.")
-    tuber_length_m: Pair = num((0.044, 0.080), 0.005, 0.3, "m", "Lengths of tubers: typical sorting sizes.")
-    ware_from_m: float = num(0.061, 0.0, 0.3, "m", "Tubers at least this long are ware, shorter ones seed.")
-    tuber_width: Pair = num((0.62, 0.80), 0.05, 1.0, "", "Width / length of tubers.")
-    fruit_length_m: Pair = num((0.044, 0.064), 0.005, 0.3, "m", "Lengths of fruits.")
-    fruit_width: Pair = num((0.92, 1.0), 0.05, 1.0, "", "Width / length of fruits.")
-    thickness: Pair = num((0.72, 0.86), 0.05, 1.0, "", "Thickness / width.")
-    length_step_m: float = num(0.002, 1e-4, 0.3, "m", "Raster of the lengths.")
-    shape_levels: int = num(3, 1, 1000, "", "Levels of either ratio.")
-    ripe_from: float = num(0.5, 0.0, 1.0, "", "Ripeness is uniform in [0, 1]; fruits at least this ripe are ripe.")
-    skin_sigma: float = num(
-        0.06, 0.0, 1.0, "", "How far the skin's colour is from what the ripeness says, on the same scale."
-    )
-    tilt_sigma_rad: float = num(
-        radians(9.0), 0.0, pi / 4, "rad", "Items lean on the ribs of the belt and on each other: Rayleigh."
-    )
-    tilt_max_rad: float = num(radians(40.0), 0.0, _STRAIGHT, "rad", "None leans further.")
-    density_kg_m3: float = num(1050.0, 10.0, 25_000.0, "kg/m3", "Of all produce.")
-    value: Four = num((1.0, 0.5, 0.8, 0.3), 0.0, 10.0, "", "Of a correctly placed item, by grade.")
+    fruit_share: float = num(0.5, 0.0, 1.0, "")
+    """Share of fruits, the others are tubers."""
+    tuber_length_m: Pair = num((0.044, 0.080), 0.005, 0.3, "m")
+    """Lengths of tubers: typical sorting sizes."""
+    ware_from_m: float = num(0.061, 0.0, 0.3, "m")
+    """Tubers at least this long are ware, shorter ones seed."""
+    tuber_width: Pair = num((0.62, 0.80), 0.05, 1.0, "")
+    """Width / length of tubers."""
+    fruit_length_m: Pair = num((0.044, 0.064), 0.005, 0.3, "m")
+    """Lengths of fruits."""
+    fruit_width: Pair = num((0.92, 1.0), 0.05, 1.0, "")
+    """Width / length of fruits."""
+    thickness: Pair = num((0.72, 0.86), 0.05, 1.0, "")
+    """Thickness / width."""
+    length_step_m: float = num(0.002, 1e-4, 0.3, "m")
+    """Raster of the lengths."""
+    shape_levels: int = num(3, 1, 1000, "")
+    """Levels of either ratio."""
+    ripe_from: float = num(0.5, 0.0, 1.0, "")
+    """Ripeness is uniform in [0, 1]; fruits at least this ripe are ripe."""
+    skin_sigma: float = num(0.06, 0.0, 1.0, "")
+    """How far the skin's colour is from what the ripeness says, on the same scale."""
+    tilt_sigma_rad: float = num(radians(9.0), 0.0, pi / 4, "rad")
+    """Items lean on the ribs of the belt and on each other: Rayleigh."""
+    tilt_max_rad: float = num(radians(40.0), 0.0, _STRAIGHT, "rad")
+    """None leans further."""
+    density_kg_m3: float = num(1050.0, 10.0, 25_000.0, "kg/m3")
+    """Of all produce."""
+    value: Four = num((1.0, 0.5, 0.8, 0.3), 0.0, 10.0, "")
+    """Of a correctly placed item, by grade."""
 
     def check(self) -> None:
         """Ranges have a lower and an upper end."""
@@ -137,41 +127,29 @@ class ProduceConfig(Config):
 class BeltConfig(Config):
     """The belt and the bins beside it, in mechanism coordinates [all assumed]."""
 
-    speed_m_s: float = num(0.06, 1e-3, 5.0, "m/s", "Of the belt, which never stops.")
-    width_m: float = num(0.28, 0.02, 3.0, "m", "Of the belt.")
-    item_half_width_m: float = num(0.105, 0.0, 1.5, "m", "Item centres keep to this distance from the belt's middle.")
-    camera_x_m: float = num(-0.46, -5.0, 0.0, "m", "The camera looks down here, upstream of the machine.")
-    camera_step_m: float = num(
-        0.10,
-        1e-3,
-        2.0,
-        "m",
-        "Belt travel between two images; an item is reported from the image that shows it nearest the middle.",
-    )
-    latency_s: float = num(0.15, 0.0, 10.0, "s", "From the image to the report.")
-    slip_sigma_m: float = num(
-        0.002,
-        0.0,
-        0.05,
-        "m",
-        "Along and across: where an item is gripped against where the camera and the belt's encoder put it; slip, "
-        "rolling, and the registration of camera and machine.",
-    )
-    start_x_m: float = num(
-        -0.23,
-        -5.0,
-        5.0,
-        "m",
-        "Where the first item may be when the episode begins: the stream is running already.",
-    )
-    exit_x_m: float = num(0.22, 0.01, 5.0, "m", "An item that gets here has passed.")
+    speed_m_s: float = num(0.06, 1e-3, 5.0, "m/s")
+    """Of the belt, which never stops."""
+    width_m: float = num(0.28, 0.02, 3.0, "m")
+    """Of the belt."""
+    item_half_width_m: float = num(0.105, 0.0, 1.5, "m")
+    """Item centres keep to this distance from the belt's middle."""
+    camera_x_m: float = num(-0.46, -5.0, 0.0, "m")
+    """The camera looks down here, upstream of the machine."""
+    camera_step_m: float = num(0.10, 1e-3, 2.0, "m")
+    """Belt travel between two images; an item is reported from the image that shows it nearest the middle."""
+    latency_s: float = num(0.15, 0.0, 10.0, "s")
+    """From the image to the report."""
+    slip_sigma_m: float = num(0.002, 0.0, 0.05, "m")
+    """Along and across: where an item is gripped against where the camera and the belt's encoder put it; slip, rolling,
+    and the registration of camera and machine."""
+    start_x_m: float = num(-0.23, -5.0, 5.0, "m")
+    """Where the first item may be when the episode begins: the stream is running already."""
+    exit_x_m: float = num(0.22, 0.01, 5.0, "m")
+    """An item that gets here has passed."""
     bins_m: tuple[Pair, Pair, Pair, Pair] = num(
-        ((-0.08, 0.20), (0.08, 0.20), (-0.08, -0.20), (0.08, -0.20)),
-        -2.0,
-        2.0,
-        "m",
-        "Where the platform lets go of each grade.",
+        ((-0.08, 0.20), (0.08, 0.20), (-0.08, -0.20), (0.08, -0.20)), -2.0, 2.0, "m"
     )
+    """Where the platform lets go of each grade."""
 
     def check(self) -> None:
         """The camera is upstream, and the stream begins before it ends."""
@@ -190,16 +168,22 @@ class PerceptionModel(Config):
     See ``scripts/measure_camera.py``.
     """
 
-    recall: float = num(..., 0.0, 1.0, "", "Share of items that are reported.")
-    false_per_item: float = num(..., 0.0, 10.0, "", "Reports of nothing, for each item.")
-    bias_m: Triple = num(..., -0.2, 0.2, "m", "Of the reported centre (along, across, up).")
-    sigma_m: Triple = num(..., 0.0, 0.2, "m", "Error of the reported centre (along, across, up).")
-    yaw_sigma_rad: Pair = num(..., 0.0, pi, "rad", "By kind; a fruit is nearly round.")
-    tilt_sigma_rad: Pair = num(..., 0.0, pi, "rad", "Per horizontal component, by kind.")
-    length_sigma: float = num(..., 0.0, 0.1, "", "Relative error of the reported axes.")
-    confusion: tuple[Four, Four, Four, Four] = num(
-        ..., 0.0, 1.0, "", "Row = true grade, column = reported grade, rows sum to 1."
-    )
+    recall: float = num(..., 0.0, 1.0, "")
+    """Share of items that are reported."""
+    false_per_item: float = num(..., 0.0, 10.0, "")
+    """Reports of nothing, for each item."""
+    bias_m: Triple = num(..., -0.2, 0.2, "m")
+    """Of the reported centre (along, across, up)."""
+    sigma_m: Triple = num(..., 0.0, 0.2, "m")
+    """Error of the reported centre (along, across, up)."""
+    yaw_sigma_rad: Pair = num(..., 0.0, pi, "rad")
+    """By kind; a fruit is nearly round."""
+    tilt_sigma_rad: Pair = num(..., 0.0, pi, "rad")
+    """Per horizontal component, by kind."""
+    length_sigma: float = num(..., 0.0, 0.1, "")
+    """Relative error of the reported axes."""
+    confusion: tuple[Four, Four, Four, Four] = num(..., 0.0, 1.0, "")
+    """Row = true grade, column = reported grade, rows sum to 1."""
 
     def check(self) -> None:
         """Rows of shares sum to 1."""
@@ -239,17 +223,16 @@ REFERENCE_CYCLE_S = 1.60
 class ScenarioConfig(Config):
     """One kind of stream."""
 
-    load: float = num(
-        ...,
-        1e-3,
-        20.0,
-        "",
-        "Offered load: arrival rate times ``REFERENCE_CYCLE_S``; above 1 the machine cannot serve every item.",
-    )
-    clump: float = num(1.0, 1.0, 100.0, "", "Mean number of items that come together; 1 is a Poisson stream.")
-    clump_gap_s: float = num(0.20, 1e-3, 600.0, "s", "Mean time between the items of a clump.")
-    stream_s: float = num(90.0, 1e-3, 3600.0, "s", "Items come for this long.")
-    time_limit_s: float = num(150.0, 1e-3, 36_000.0, "s", "The episode is cut off then.")
+    load: float = num(..., 1e-3, 20.0, "")
+    """Offered load: arrival rate times ``REFERENCE_CYCLE_S``; above 1 the machine cannot serve every item."""
+    clump: float = num(1.0, 1.0, 100.0, "")
+    """Mean number of items that come together; 1 is a Poisson stream."""
+    clump_gap_s: float = num(0.20, 1e-3, 600.0, "s")
+    """Mean time between the items of a clump."""
+    stream_s: float = num(90.0, 1e-3, 3600.0, "s")
+    """Items come for this long."""
+    time_limit_s: float = num(150.0, 1e-3, 36_000.0, "s")
+    """The episode is cut off then."""
 
     def check(self) -> None:
         """Clumps cannot come slower than the stream itself."""
@@ -281,25 +264,34 @@ SCENARIOS: dict[str, ScenarioConfig] = {
 class RewardWeights(Config):
     """Value of the named reward terms."""
 
-    placed: float = num(1.0, -100.0, 100.0, "", "Times the value of the item's grade.")
-    misplaced: float = num(-0.5, -100.0, 100.0, "", "An item in a wrong bin.")
-    dropped: float = num(-0.5, -100.0, 100.0, "", "An item that slips out on the way.")
-    wasted: float = num(-0.05, -100.0, 100.0, "", "A grip that held nothing.")
+    placed: float = num(1.0, -100.0, 100.0, "")
+    """Times the value of the item's grade."""
+    misplaced: float = num(-0.5, -100.0, 100.0, "")
+    """An item in a wrong bin."""
+    dropped: float = num(-0.5, -100.0, 100.0, "")
+    """An item that slips out on the way."""
+    wasted: float = num(-0.05, -100.0, 100.0, "")
+    """A grip that held nothing."""
 
 
 @dataclass(frozen=True)
 class SortingConfig(Config):
     """Everything that defines a sorting task."""
 
-    scenario: ScenarioConfig = nested(SCENARIOS["load-1.25"], "The stream.")
-    machine: MachineConfig = nested(MachineConfig, "The 3-PRRS over the belt.")
-    grip: GripConfig = nested(GripConfig, "The fingers.")
-    produce: ProduceConfig = nested(ProduceConfig, "What comes down the belt.")
-    belt: BeltConfig = nested(BeltConfig, "The belt and the bins.")
-    weights: RewardWeights = nested(RewardWeights, "What counts.")
-    slots: int = num(
-        12, 1, 64, "", "Candidates that a policy is shown at once, in the order in which they leave the reach."
-    )
+    scenario: ScenarioConfig = nested(SCENARIOS["load-1.25"])
+    """The stream."""
+    machine: MachineConfig = nested(MachineConfig)
+    """The 3-PRRS over the belt."""
+    grip: GripConfig = nested(GripConfig)
+    """The fingers."""
+    produce: ProduceConfig = nested(ProduceConfig)
+    """What comes down the belt."""
+    belt: BeltConfig = nested(BeltConfig)
+    """The belt and the bins."""
+    weights: RewardWeights = nested(RewardWeights)
+    """What counts."""
+    slots: int = num(12, 1, 64, "")
+    """Candidates that a policy is shown at once, in the order in which they leave the reach."""
 
     def check(self) -> None:
         """The machine can follow the belt and put down at the bins."""

@@ -31,11 +31,16 @@ Confusion = tuple[tuple[float, float, float], tuple[float, float, float], tuple[
 class Tray(Config):
     """A tray of 540 x 280 mm that travels lengthwise, so that its short rows are served."""
 
-    rows: int = num(..., 1, 100, "", "Rows along the direction of travel [published: vendors' pages].")
-    columns: int = num(..., 1, 50, "", "Cells of a row, across the direction of travel [published: vendors' pages].")
-    pitch_m: float = num(..., 0.005, 0.5, "m", "Distance of neighbouring cells both ways [assumed: from the counts].")
-    length_m: float = num(0.540, 0.05, 3.0, "m", "Length of the tray [published: vendors' pages].")
-    width_m: float = num(0.280, 0.05, 1.0, "m", "Width of the tray [published: vendors' pages].")
+    rows: int = num(..., 1, 100, "")
+    """Rows along the direction of travel [published: vendors' pages]."""
+    columns: int = num(..., 1, 50, "")
+    """Cells of a row, across the direction of travel [published: vendors' pages]."""
+    pitch_m: float = num(..., 0.005, 0.5, "m")
+    """Distance of neighbouring cells both ways [assumed: from the counts]."""
+    length_m: float = num(0.540, 0.05, 3.0, "m")
+    """Length of the tray [published: vendors' pages]."""
+    width_m: float = num(0.280, 0.05, 1.0, "m")
+    """Width of the tray [published: vendors' pages]."""
 
     def check(self) -> None:
         """The cells fit the tray."""
@@ -79,57 +84,32 @@ class MachineConfig(Config):
     sides across, so a presented row is one of a tray's short rows.
     """
 
-    arm: TranslationalFiveBar = nested(
-        TranslationalFiveBar.transplanter, "Geometry and masses; its window is the published 600 x 150 mm."
-    )
-    motion: Motion = choice(
-        "stop-quintic",
-        MOTIONS,
-        "How gates are carried out [published: the paper chooses the quintic with stops at the corners].",
-    )
-    velocity_m_s: float = num(4.5, 0.01, 30.0, "m/s", "Limit of the tool [published].")
-    acceleration_m_s2: float = num(
-        60.0, 0.1, 1e3, "m/s2", "Limit of the tool, used whenever the gripper is empty [published]."
-    )
-    carry_acceleration_m_s2: tuple[float, float, float] = num(
-        (15.0, 35.0, 60.0),
-        0.1,
-        1e3,
-        "m/s2",
-        "Limit with a plug in the gripper: gentle, normal, fast [assumed; fast is the published limit].",
-    )
-    lift_m: float = num(
-        0.150,
-        0.0,
-        1.0,
-        "m",
-        "Height of every gate: a plug has to pass over its neighbours' leaves [published: workspace height].",
-    )
-    straight_m: float = num(
-        0.050,
-        0.0,
-        1.0,
-        "m",
-        "Straight rise and fall at a gate's ends, the depth of a cell [assumed: the paper prints no length].",
-    )
-    corner_radius_m: float = num(
-        inf,
-        1e-6,
-        inf,
-        "m",
-        "Largest corner radius of blended gates [assumed: as large as the straight pieces leave].",
-    )
-    tray_centre_m: float = num(
-        0.160,
-        0.0,
-        1.0,
-        "m",
-        "Distance of either tray's middle from the machine's; 40 mm between the trays are the chute [assumed].",
-    )
-    conveyor_velocity_m_s: float = num(0.25, 1e-3, 5.0, "m/s", "Limit of the conveyors; plugs must not tip [assumed].")
-    conveyor_acceleration_m_s2: float = num(1.5, 1e-3, 50.0, "m/s2", "Limit of the conveyors, likewise [assumed].")
-    conveyor_settle_s: float = num(0.10, 0.0, 60.0, "s", "Wait after a conveyor has moved [assumed].")
-    tray_gap_m: float = num(0.040, 0.0, 3.0, "m", "Between a tray and the next one on the same conveyor [assumed].")
+    arm: TranslationalFiveBar = nested(TranslationalFiveBar.transplanter)
+    """Geometry and masses; its window is the published 600 x 150 mm."""
+    motion: Motion = choice("stop-quintic", MOTIONS)
+    """How gates are carried out [published: the paper chooses the quintic with stops at the corners]."""
+    velocity_m_s: float = num(4.5, 0.01, 30.0, "m/s")
+    """Limit of the tool [published]."""
+    acceleration_m_s2: float = num(60.0, 0.1, 1e3, "m/s2")
+    """Limit of the tool, used whenever the gripper is empty [published]."""
+    carry_acceleration_m_s2: tuple[float, float, float] = num((15.0, 35.0, 60.0), 0.1, 1e3, "m/s2")
+    """Limit with a plug in the gripper: gentle, normal, fast [assumed; fast is the published limit]."""
+    lift_m: float = num(0.150, 0.0, 1.0, "m")
+    """Height of every gate: a plug has to pass over its neighbours' leaves [published: workspace height]."""
+    straight_m: float = num(0.050, 0.0, 1.0, "m")
+    """Straight rise and fall at a gate's ends, the depth of a cell [assumed: the paper prints no length]."""
+    corner_radius_m: float = num(inf, 1e-6, inf, "m")
+    """Largest corner radius of blended gates [assumed: as large as the straight pieces leave]."""
+    tray_centre_m: float = num(0.160, 0.0, 1.0, "m")
+    """Distance of either tray's middle from the machine's; 40 mm between the trays are the chute [assumed]."""
+    conveyor_velocity_m_s: float = num(0.25, 1e-3, 5.0, "m/s")
+    """Limit of the conveyors; plugs must not tip [assumed]."""
+    conveyor_acceleration_m_s2: float = num(1.5, 1e-3, 50.0, "m/s2")
+    """Limit of the conveyors, likewise [assumed]."""
+    conveyor_settle_s: float = num(0.10, 0.0, 60.0, "s")
+    """Wait after a conveyor has moved [assumed]."""
+    tray_gap_m: float = num(0.040, 0.0, 3.0, "m")
+    """Between a tray and the next one on the same conveyor [assumed]."""
 
     def check(self) -> None:
         """The gates fit the arm's window, which is even about the middle; a plug is carried within the tool's limit."""
@@ -158,47 +138,27 @@ class MachineConfig(Config):
 class ProcessConfig(Config):
     """Gripping, carrying and setting a plug."""
 
-    grip_s: float = num(0.15, 0.0, 60.0, "s", "Needles go in and close, pneumatic [assumed].")
-    release_s: float = num(0.10, 0.0, 60.0, "s", "Needles open and draw back, pneumatic [assumed].")
-    extraction: float = num(
-        0.9605,
-        0.0,
-        1.0,
-        "",
-        "Chance that a plug leaves its cell whole [published: 96.05 % in the field, s41598-025-86421-0].",
-    )
-    loss_half_m_s2: float = num(
-        105.0,
-        0.0,
-        1e4,
-        "m/s2",
-        "The chance to lose a plug on the way is logistic in the carrying acceleration, one half at this one: 0.1 % "
-        "gentle, 0.5 % normal, 3 % fast [assumed].",
-    )
-    loss_width_m_s2: float = num(13.0, 1e-3, 1e4, "m/s2", "How wide that chance's rise is [assumed].")
-    damage_half_m_s2: float = num(
-        85.0,
-        0.0,
-        1e4,
-        "m/s2",
-        "The chance that a plug arrives damaged, likewise: 0.2 % gentle, 1 % normal, 9 % fast [assumed].",
-    )
-    damage_width_m_s2: float = num(11.0, 1e-3, 1e4, "m/s2", "How wide that chance's rise is [assumed].")
-    plug_kg: float = num(
-        0.050,
-        0.0,
-        0.3,
-        "kg",
-        "Mass of a seedling with its moist plug [assumed; the published payload limit is 0.3 kg].",
-    )
-    reach_m: float = num(
-        0.004,
-        0.0,
-        0.1,
-        "m",
-        "A gripper farther than this from a cell's middle misses the plug or sets it beside the cell [assumed].",
-    )
-    illegal_s: float = num(1.0, 0.0, 600.0, "s", "What an action that is not possible costs [assumed].")
+    grip_s: float = num(0.15, 0.0, 60.0, "s")
+    """Needles go in and close, pneumatic [assumed]."""
+    release_s: float = num(0.10, 0.0, 60.0, "s")
+    """Needles open and draw back, pneumatic [assumed]."""
+    extraction: float = num(0.9605, 0.0, 1.0, "")
+    """Chance that a plug leaves its cell whole [published: 96.05 % in the field, s41598-025-86421-0]."""
+    loss_half_m_s2: float = num(105.0, 0.0, 1e4, "m/s2")
+    """The chance to lose a plug on the way is logistic in the carrying acceleration, one half at this one: 0.1 %
+    gentle, 0.5 % normal, 3 % fast [assumed]."""
+    loss_width_m_s2: float = num(13.0, 1e-3, 1e4, "m/s2")
+    """How wide that chance's rise is [assumed]."""
+    damage_half_m_s2: float = num(85.0, 0.0, 1e4, "m/s2")
+    """The chance that a plug arrives damaged, likewise: 0.2 % gentle, 1 % normal, 9 % fast [assumed]."""
+    damage_width_m_s2: float = num(11.0, 1e-3, 1e4, "m/s2")
+    """How wide that chance's rise is [assumed]."""
+    plug_kg: float = num(0.050, 0.0, 0.3, "kg")
+    """Mass of a seedling with its moist plug [assumed; the published payload limit is 0.3 kg]."""
+    reach_m: float = num(0.004, 0.0, 0.1, "m")
+    """A gripper farther than this from a cell's middle misses the plug or sets it beside the cell [assumed]."""
+    illegal_s: float = num(1.0, 0.0, 600.0, "s")
+    """What an action that is not possible costs [assumed]."""
 
 
 @dataclass(frozen=True)
@@ -208,8 +168,10 @@ class PerceptionModel(Config):
     Row = what the cell holds (empty, healthy, poor), column = report, rows sum to 1.
     """
 
-    source: Confusion = num(..., 0.0, 1.0, "", "Of the source trays' cells [identified].")
-    target: Confusion = num(..., 0.0, 1.0, "", "Of the target trays' cells [identified].")
+    source: Confusion = num(..., 0.0, 1.0, "")
+    """Of the source trays' cells [identified]."""
+    target: Confusion = num(..., 0.0, 1.0, "")
+    """Of the target trays' cells [identified]."""
 
     def check(self) -> None:
         """Rows are probabilities of everything that can be reported."""
@@ -242,22 +204,25 @@ class PerceptionModel(Config):
 class ScenarioConfig(Config):
     """One kind of work."""
 
-    source: Tray = nested(..., "Kind of the supply's trays.")
-    target: Tray = nested(..., "Kind of the trays to serve.")
-    source_trays: int = num(..., 1, 100, "", "Trays of the supply; when the last row is used up there is no more.")
-    target_trays: int = num(..., 1, 100, "", "Trays to serve in an episode.")
-    replug: bool = flag(..., "Whether the target trays come planted, with gaps; otherwise they come empty.")
-    vacancy: float = num(..., 0.0, 1.0, "", "Share of empty cells in planted trays [published range 0.05-0.20].")
-    poor: float = num(..., 0.0, 1.0, "", "Share of poor seedlings among planted cells [published range 0.02-0.08].")
-    clumped: float = num(
-        ...,
-        0.0,
-        1.0,
-        "",
-        "Share of the vacancies' (and poor seedlings') variance that neighbouring cells have in common; 0 is uniform "
-        "[assumed].",
-    )
-    time_limit_s: float = num(..., 1e-3, 1e6, "s", "When an episode is cut off [assumed].")
+    source: Tray = nested(...)
+    """Kind of the supply's trays."""
+    target: Tray = nested(...)
+    """Kind of the trays to serve."""
+    source_trays: int = num(..., 1, 100, "")
+    """Trays of the supply; when the last row is used up there is no more."""
+    target_trays: int = num(..., 1, 100, "")
+    """Trays to serve in an episode."""
+    replug: bool = flag(...)
+    """Whether the target trays come planted, with gaps; otherwise they come empty."""
+    vacancy: float = num(..., 0.0, 1.0, "")
+    """Share of empty cells in planted trays [published range 0.05-0.20]."""
+    poor: float = num(..., 0.0, 1.0, "")
+    """Share of poor seedlings among planted cells [published range 0.02-0.08]."""
+    clumped: float = num(..., 0.0, 1.0, "")
+    """Share of the vacancies' (and poor seedlings') variance that neighbouring cells have in common; 0 is uniform
+    [assumed]."""
+    time_limit_s: float = num(..., 1e-3, 1e6, "s")
+    """When an episode is cut off [assumed]."""
 
     @property
     def pairs(self) -> int:
@@ -291,31 +256,26 @@ SCENARIOS: dict[str, ScenarioConfig] = {
 class RewardWeights(Config):
     """Value of the named reward terms, in healthy cells."""
 
-    planted: float = num(1.0, -1e3, 1e3, "", "For every target cell more (or less) that holds a healthy seedling.")
-    spoiled: float = num(
-        -0.2,
-        -1e3,
-        1e3,
-        "",
-        "For every healthy seedling that was torn, lost, damaged, or sent away with its row [assumed].",
-    )
-    seconds: float = num(
-        -0.2,
-        -1e3,
-        1e3,
-        "1/s",
-        "For every second; a cell a 1.5 s earns 0.67 a second, time is charged at about a third of that [assumed].",
-    )
+    planted: float = num(1.0, -1e3, 1e3, "")
+    """For every target cell more (or less) that holds a healthy seedling."""
+    spoiled: float = num(-0.2, -1e3, 1e3, "")
+    """For every healthy seedling that was torn, lost, damaged, or sent away with its row [assumed]."""
+    seconds: float = num(-0.2, -1e3, 1e3, "1/s")
+    """For every second; a cell a 1.5 s earns 0.67 a second, time is charged at about a third of that [assumed]."""
 
 
 @dataclass(frozen=True)
 class TransplantingConfig(Config):
     """Everything that defines a transplanting task."""
 
-    scenario: ScenarioConfig = nested(SCENARIOS["fill"], "The kind of work.")
-    machine: MachineConfig = nested(MachineConfig, "The arm and the conveyors.")
-    process: ProcessConfig = nested(ProcessConfig, "Gripping, carrying and setting a plug.")
-    weights: RewardWeights = nested(RewardWeights, "What the reward counts.")
+    scenario: ScenarioConfig = nested(SCENARIOS["fill"])
+    """The kind of work."""
+    machine: MachineConfig = nested(MachineConfig)
+    """The arm and the conveyors."""
+    process: ProcessConfig = nested(ProcessConfig)
+    """Gripping, carrying and setting a plug."""
+    weights: RewardWeights = nested(RewardWeights)
+    """What the reward counts."""
 
     def check(self) -> None:
         """Every cell lies in the arm's window."""

@@ -23,53 +23,35 @@ SPEEDS_M_S = (0.001, 3.0)
 class ScenarioConfig(Config):
     """One kind of field and the cart's speed over it. Lengths in metres."""
 
-    density_per_m2: float = num(..., 0.01, 2000.0, "1/m2", "Mean density of weeds [published range: up to 190 per m2].")
-    offered_load: float = num(
-        ...,
-        0.001,
-        100.0,
-        "",
-        "Seconds of work that grow into the window each second at the constant speed: density x width x speed x "
-        "service. Policies separate near and above 1 [derived].",
-    )
-    clumped: float = num(
-        0.75,
-        0.0,
-        1.0,
-        "",
-        "Share of the weeds that grow in Thomas clusters; the others are a Poisson background [assumed].",
-    )
-    cluster_size: float = num(6.0, 0.1, 1000.0, "", "Mean number of weeds of a cluster [assumed].")
-    cluster_sigma_m: float = num(
-        0.05,
-        0.0,
-        1.0,
-        "m",
-        "Standard deviation of a weed's distance from its cluster's centre, per axis [assumed].",
-    )
-    strip_m: float = num(8.0, 0.05, 500.0, "m", "Length of the strip that is one episode [assumed].")
-    band_m: float = num(0.40, 0.01, 2.0, "m", "Width of the treated band, one crop row in its middle [assumed].")
-    row_m: float = num(0.40, 0.05, 3.0, "m", "Distance of the crop rows [published range 0.3-0.5].")
-    crop: Literal["beet", "maize"] = choice(
-        "beet", ("beet", "maize"), '``"beet"`` (a rosette) or ``"maize"`` (an upright grass): looks only.'
-    )
-    crop_pitch_m: float = num(0.16, 0.01, 5.0, "m", "Distance of the crop plants in a row [assumed].")
-    crop_jitter_m: tuple[float, float] = num(
-        (0.015, 0.008),
-        0.0,
-        0.5,
-        "m",
-        "Standard deviation of their places along and across the row [published range 10-20 mm along; assumed across].",
-    )
-    grass_share: float = num(0.30, 0.0, 1.0, "", "Share of grasses among the weeds [assumed].")
-    stage_shares: tuple[float, float, float] = num(
-        (0.40, 0.45, 0.15),
-        0.0,
-        1.0,
-        "",
-        "Shares of cotyledon, two-leaf and four-leaf weeds [assumed: an early pass].",
-    )
-    max_weeds: int = num(320, 1, 20_000, "", "Most weeds of a strip; draws beyond are cut off.")
+    density_per_m2: float = num(..., 0.01, 2000.0, "1/m2")
+    """Mean density of weeds [published range: up to 190 per m2]."""
+    offered_load: float = num(..., 0.001, 100.0, "")
+    """Seconds of work that grow into the window each second at the constant speed: density x width x speed x service.
+    Policies separate near and above 1 [derived]."""
+    clumped: float = num(0.75, 0.0, 1.0, "")
+    """Share of the weeds that grow in Thomas clusters; the others are a Poisson background [assumed]."""
+    cluster_size: float = num(6.0, 0.1, 1000.0, "")
+    """Mean number of weeds of a cluster [assumed]."""
+    cluster_sigma_m: float = num(0.05, 0.0, 1.0, "m")
+    """Standard deviation of a weed's distance from its cluster's centre, per axis [assumed]."""
+    strip_m: float = num(8.0, 0.05, 500.0, "m")
+    """Length of the strip that is one episode [assumed]."""
+    band_m: float = num(0.40, 0.01, 2.0, "m")
+    """Width of the treated band, one crop row in its middle [assumed]."""
+    row_m: float = num(0.40, 0.05, 3.0, "m")
+    """Distance of the crop rows [published range 0.3-0.5]."""
+    crop: Literal["beet", "maize"] = choice("beet", ("beet", "maize"))
+    """``"beet"`` (a rosette) or ``"maize"`` (an upright grass): looks only."""
+    crop_pitch_m: float = num(0.16, 0.01, 5.0, "m")
+    """Distance of the crop plants in a row [assumed]."""
+    crop_jitter_m: tuple[float, float] = num((0.015, 0.008), 0.0, 0.5, "m")
+    """Standard deviation of their places along and across the row [published range 10-20 mm along; assumed across]."""
+    grass_share: float = num(0.30, 0.0, 1.0, "")
+    """Share of grasses among the weeds [assumed]."""
+    stage_shares: tuple[float, float, float] = num((0.40, 0.45, 0.15), 0.0, 1.0, "")
+    """Shares of cotyledon, two-leaf and four-leaf weeds [assumed: an early pass]."""
+    max_weeds: int = num(320, 1, 20_000, "")
+    """Most weeds of a strip; draws beyond are cut off."""
 
     def check(self) -> None:
         """Hold shares to their sum, and the room to what grows."""
@@ -102,44 +84,26 @@ SCENARIOS: dict[str, ScenarioConfig] = {
 class CartConfig(Config):
     """How the cart drives, and how its cameras are mounted."""
 
-    start_m: float = num(
-        0.45,
-        0.0,
-        10.0,
-        "m",
-        "The strip begins this far in front of the platform's middle; the front camera has seen it already [assumed].",
-    )
-    camera_ahead_m: float = num(0.85, 0.0, 5.0, "m", "Front camera in front of the platform's middle [assumed].")
-    camera_view_m: float = num(
-        0.40, 0.05, 5.0, "m", "Length of ground that the front camera sees [assumed; its height follows]."
-    )
-    notch_m_s: float = num(
-        0.02, 0.001, 1.0, "m/s", "Step by which the speed variant changes the commanded speed [assumed]."
-    )
-    speed_range_m_s: tuple[float, float] = num(
-        (0.03, 0.27),
-        0.001,
-        10.0,
-        "m/s",
-        "Speeds that the speed variant may command; at the upper end the highest dose is just possible [assumed].",
-    )
-    acceleration_m_s2: float = num(0.3, 0.001, 50.0, "m/s2", "Of the cart when the commanded speed changes [assumed].")
-    moment_s: float = num(0.10, 0.001, 60.0, "s", "What waiting a moment takes at least [assumed].")
-    illegal_s: float = num(0.25, 0.001, 60.0, "s", "What an action that is not possible costs at least [assumed].")
-    early_s: float = num(
-        0.40,
-        0.0,
-        60.0,
-        "s",
-        "A candidate may be chosen this long before it enters the window; the tool waits for it [assumed].",
-    )
-    time_factor: float = num(
-        2.5,
-        0.001,
-        1000.0,
-        "",
-        "The episode is cut off after this many times the scenario's own driving time [assumed].",
-    )
+    start_m: float = num(0.45, 0.0, 10.0, "m")
+    """The strip begins this far in front of the platform's middle; the front camera has seen it already [assumed]."""
+    camera_ahead_m: float = num(0.85, 0.0, 5.0, "m")
+    """Front camera in front of the platform's middle [assumed]."""
+    camera_view_m: float = num(0.40, 0.05, 5.0, "m")
+    """Length of ground that the front camera sees [assumed; its height follows]."""
+    notch_m_s: float = num(0.02, 0.001, 1.0, "m/s")
+    """Step by which the speed variant changes the commanded speed [assumed]."""
+    speed_range_m_s: tuple[float, float] = num((0.03, 0.27), 0.001, 10.0, "m/s")
+    """Speeds that the speed variant may command; at the upper end the highest dose is just possible [assumed]."""
+    acceleration_m_s2: float = num(0.3, 0.001, 50.0, "m/s2")
+    """Of the cart when the commanded speed changes [assumed]."""
+    moment_s: float = num(0.10, 0.001, 60.0, "s")
+    """What waiting a moment takes at least [assumed]."""
+    illegal_s: float = num(0.25, 0.001, 60.0, "s")
+    """What an action that is not possible costs at least [assumed]."""
+    early_s: float = num(0.40, 0.0, 60.0, "s")
+    """A candidate may be chosen this long before it enters the window; the tool waits for it [assumed]."""
+    time_factor: float = num(2.5, 0.001, 1000.0, "")
+    """The episode is cut off after this many times the scenario's own driving time [assumed]."""
 
     def check(self) -> None:
         """Hold the speeds to their order."""
@@ -162,30 +126,32 @@ class CartConfig(Config):
 class RewardWeights(Config):
     """Value of the named reward terms, in killed weeds."""
 
-    killed: float = num(1.0, -1000.0, 1000.0, "", "For every weed that dies.")
-    crop: float = num(-5.0, -1000.0, 1000.0, "", "For every crop plant that dies [assumed].")
-    seconds: float = num(
-        -0.05, -1000.0, 1000.0, "1/s", "About a tenth of what a second of work earns at load 1 [assumed]."
-    )
-    joules: float = num(-0.0005, -1000.0, 1000.0, "1/J", "A normal dose costs 4 % of a weed [assumed].")
+    killed: float = num(1.0, -1000.0, 1000.0, "")
+    """For every weed that dies."""
+    crop: float = num(-5.0, -1000.0, 1000.0, "")
+    """For every crop plant that dies [assumed]."""
+    seconds: float = num(-0.05, -1000.0, 1000.0, "1/s")
+    """About a tenth of what a second of work earns at load 1 [assumed]."""
+    joules: float = num(-0.0005, -1000.0, 1000.0, "1/J")
+    """A normal dose costs 4 % of a weed [assumed]."""
 
 
 @dataclass(frozen=True)
 class FieldTask(Config):
     """Everything that defines a weeding task but for its tool; tools add their reach and their process."""
 
-    scenario: ScenarioConfig = nested(SCENARIOS["load-1.25"], "The field and how much of it there is to do.")
-    cart: CartConfig = nested(CartConfig, "How the cart drives.")
-    weights: RewardWeights = nested(RewardWeights, "What the named reward terms are worth.")
-    slots: int = num(16, 1, 64, "", "Candidates that a policy is shown at once.")
-    speed_control: bool = flag(False, "Whether the action includes the cart's speed.")
-    nominal_move_s: float = num(
-        0.26,
-        0.0,
-        60.0,
-        "s",
-        "Mean move between two weeds, for the offered load alone [identified: fixed order at load 1].",
-    )
+    scenario: ScenarioConfig = nested(SCENARIOS["load-1.25"])
+    """The field and how much of it there is to do."""
+    cart: CartConfig = nested(CartConfig)
+    """How the cart drives."""
+    weights: RewardWeights = nested(RewardWeights)
+    """What the named reward terms are worth."""
+    slots: int = num(16, 1, 64, "")
+    """Candidates that a policy is shown at once."""
+    speed_control: bool = flag(False)
+    """Whether the action includes the cart's speed."""
+    nominal_move_s: float = num(0.26, 0.0, 60.0, "s")
+    """Mean move between two weeds, for the offered load alone [identified: fixed order at load 1]."""
 
     def check(self) -> None:
         """Hold field and cart to what the tool reaches."""

@@ -55,78 +55,30 @@ class PerceptionModel(Config):
     Fitted by ``scripts/measure_camera.py`` to rendered images; ``perfect`` is the truth.
     """
 
-    recall: tuple[tuple[float, float, float], tuple[float, float, float]] = num(
-        ...,
-        0.0,
-        1.0,
-        "",
-        "Probability that a weed becomes a track, by species (broadleaf, grass) and stage, where it stands alone.",
-    )
-    crop_gap_m: tuple[float, ...] = num(
-        ...,
-        0.0,
-        1.0,
-        "m",
-        "Ascending distances to the nearest crop plant that part the factors of ``odds_near_crop``.",
-    )
-    odds_near_crop: tuple[float, ...] = num(
-        ...,
-        0.0,
-        1e6,
-        "",
-        "Factors on the odds of becoming a track, from under the crop plant's leaves outwards.",
-    )
-    weed_gap_m: tuple[float, ...] = num(
-        ...,
-        0.0,
-        1.0,
-        "m",
-        "The same for the distance to the nearest other weed: plants that touch may be taken for one.",
-    )
-    odds_near_weed: tuple[float, ...] = num(..., 0.0, 1e6, "", "See ``odds_near_crop``.")
-    crowded_m: tuple[float, float] = num(
-        ...,
-        0.0,
-        1.0,
-        "m",
-        "A weed is at a crop plant, or beside another weed, when these are nearer than that.",
-    )
-    sightings: Sightings = num(
-        ...,
-        -1.0,
-        2.0,
-        "",
-        "Of tracked weeds in 18 classes, index ``6 neighbourhood + 3 species + stage``: alone, by a weed, at a crop.",
-    )
-    false_rates: tuple[float, float, float] = num(
-        ...,
-        0.0,
-        100.0,
-        "",
-        "Tracks that are no further weed: per weed (a part of it), per crop plant, and elsewhere per square metre.",
-    )
-    false_sightings: Sightings = num(
-        ...,
-        -1.0,
-        2.0,
-        "",
-        "Their sightings in three classes, relative to the weed, to the crop plant, to themselves.",
-    )
-    drift_share: float = num(
-        ...,
-        0.0,
-        0.5,
-        "",
-        "Standard deviation of the odometry's error per distance driven, one value a strip.",
-    )
-    delay_s: float = num(..., 0.0, 10.0, "s", "From the frame that confirms a track to its use.")
-    frames_m: float = num(
-        0.0,
-        0.0,
-        10.0,
-        "m",
-        "Distance that the cart drives between a weed's entering the view and its confirmation.",
-    )
+    recall: tuple[tuple[float, float, float], tuple[float, float, float]] = num(..., 0.0, 1.0, "")
+    """Probability that a weed becomes a track, by species (broadleaf, grass) and stage, where it stands alone."""
+    crop_gap_m: tuple[float, ...] = num(..., 0.0, 1.0, "m")
+    """Ascending distances to the nearest crop plant that part the factors of ``odds_near_crop``."""
+    odds_near_crop: tuple[float, ...] = num(..., 0.0, 1e6, "")
+    """Factors on the odds of becoming a track, from under the crop plant's leaves outwards."""
+    weed_gap_m: tuple[float, ...] = num(..., 0.0, 1.0, "m")
+    """The same for the distance to the nearest other weed: plants that touch may be taken for one."""
+    odds_near_weed: tuple[float, ...] = num(..., 0.0, 1e6, "")
+    """See ``odds_near_crop``."""
+    crowded_m: tuple[float, float] = num(..., 0.0, 1.0, "m")
+    """A weed is at a crop plant, or beside another weed, when these are nearer than that."""
+    sightings: Sightings = num(..., -1.0, 2.0, "")
+    """Of tracked weeds in 18 classes, index ``6 neighbourhood + 3 species + stage``: alone, by a weed, at a crop."""
+    false_rates: tuple[float, float, float] = num(..., 0.0, 100.0, "")
+    """Tracks that are no further weed: per weed (a part of it), per crop plant, and elsewhere per square metre."""
+    false_sightings: Sightings = num(..., -1.0, 2.0, "")
+    """Their sightings in three classes, relative to the weed, to the crop plant, to themselves."""
+    drift_share: float = num(..., 0.0, 0.5, "")
+    """Standard deviation of the odometry's error per distance driven, one value a strip."""
+    delay_s: float = num(..., 0.0, 10.0, "s")
+    """From the frame that confirms a track to its use."""
+    frames_m: float = num(0.0, 0.0, 10.0, "m")
+    """Distance that the cart drives between a weed's entering the view and its confirmation."""
 
     def check(self) -> None:
         """Hold the tables to their shapes."""

@@ -29,18 +29,19 @@ class StrawberryField(fg.Field):
 
 @dataclass(frozen=True)
 class Wall(fg.Config):
-    berries: int = fg.num(8, 1, 40, "", "Berries that hang there [assumed].")
-    ripe_share: float = fg.num(0.7, 0.0, 1.0, "", "Share of ripe ones [assumed].")
+    berries: int = fg.num(8, 1, 40, "")
+    ripe_share: float = fg.num(0.7, 0.0, 1.0, "")
 
 
 @dataclass(frozen=True)
 class StrawberryConfig(fg.Config):
-    scenario: Wall = fg.nested(Wall, "What the machine meets.")
-    velocity_m_s: float = fg.num(1.0, 0.01, 4.5, "m/s", "Speed of the gripper [assumed].")
-    acceleration_m_s2: float = fg.num(10.0, 0.1, 140.0, "m/s2", "Its acceleration [assumed].")
-    grip_s: float = fg.num(0.8, 0.0, 10.0, "s", "Closing, twisting, letting go [assumed].")
-    hold: float = fg.num(0.9, 0.0, 1.0, "", "Chance that a berry is held [assumed].")
-    second: float = fg.num(0.05, 0.0, 10.0, "", "What a second costs, in ripe berries [assumed].")
+    scenario: Wall = fg.nested(Wall)
+    velocity_m_s: float = fg.num(1.0, 0.01, 4.5, "m/s")
+    acceleration_m_s2: float = fg.num(10.0, 0.1, 140.0, "m/s2")
+    grip_s: float = fg.num(0.8, 0.0, 10.0, "s")
+    hold: float = fg.num(0.9, 0.0, 1.0, "")
+    second: float = fg.num(0.05, 0.0, 10.0, "")
+    """What a second costs, in ripe berries."""
 
 
 class StrawberryCore(fg.TaskCore):

@@ -16,21 +16,15 @@ from ...timing import Approach, Place
 class HoeReach(Config):
     """Where the blade can work under the cart; in the default ranges it keeps every limit of ``ThreePRRS.hoe()``."""
 
-    travel_m: float = num(
-        0.14,
-        0.005,
-        2.0,
-        "m",
-        "Range of the blade along the row, +-, while it follows a plant; moves may overshoot it by up to 0.04 m "
-        "[assumed, checked against the limits].",
-    )
-    half_width_m: float = num(0.20, 0.005, 2.0, "m", "Range to either side [assumed, as above].")
-    velocity_m_s: float = num(
-        1.0, 0.01, 50.0, "m/s", "Limit of a move over ground, along and across by themselves [assumed]."
-    )
-    acceleration_m_s2: float = num(
-        10.0, 0.1, 1000.0, "m/s2", "Limit of a move over ground, along and across by themselves [assumed]."
-    )
+    travel_m: float = num(0.14, 0.005, 2.0, "m")
+    """Range of the blade along the row, +-, while it follows a plant; moves may overshoot it by up to 0.04 m [assumed,
+    checked against the limits]."""
+    half_width_m: float = num(0.20, 0.005, 2.0, "m")
+    """Range to either side [assumed, as above]."""
+    velocity_m_s: float = num(1.0, 0.01, 50.0, "m/s")
+    """Limit of a move over ground, along and across by themselves [assumed]."""
+    acceleration_m_s2: float = num(10.0, 0.1, 1000.0, "m/s2")
+    """Limit of a move over ground, along and across by themselves [assumed]."""
 
 
 class HoeArm(NamedTuple):

@@ -14,8 +14,10 @@ from .process import HoeProcessConfig, label_mode
 class HoeWeedingConfig(FieldTask):
     """Everything that defines a weeding task with the hoe."""
 
-    reach: HoeReach = nested(HoeReach, "Where the blade reaches and how fast it moves.")
-    process: HoeProcessConfig = nested(HoeProcessConfig, "What a stir does to plants.")
+    reach: HoeReach = nested(HoeReach)
+    """Where the blade reaches and how fast it moves."""
+    process: HoeProcessConfig = nested(HoeProcessConfig)
+    """What a stir does to plants."""
 
     @property
     def front_m(self) -> float:

@@ -56,86 +56,42 @@ B = numbered(Stirring)
 class HoeProcessConfig(Config):
     """Uprooting one weed: the blade, the three intensities, and what plants can take."""
 
-    depth_m: tuple[float, float, float] = num(
-        (0.012, 0.022, 0.035),
-        1e-4,
-        0.2,
-        "m",
-        "Depth of the blade at the intensities gentle, normal, deep [assumed, within the published 10-40 mm].",
-    )
-    stir_radius_m: tuple[float, float, float] = num(
-        (0.005, 0.009, 0.013), 1e-4, 0.1, "m", "Radius of the circle that the blade is led on [assumed]."
-    )
-    blade_radius_m: float = num(
-        0.014,
-        1e-3,
-        0.1,
-        "m",
-        "Radius of the round blade [assumed; at least as large as the circle, so that nothing in its middle is left].",
-    )
-    clearance_m: float = num(
-        0.055,
-        1e-3,
-        0.5,
-        "m",
-        "Height of the blade over the ground when it moves from plant to plant [assumed: over the leaves].",
-    )
-    plunge_velocity_m_s: float = num(1.0, 0.01, 50.0, "m/s", "Limit of plunge and lift [assumed].")
-    plunge_acceleration_m_s2: float = num(10.0, 0.1, 1000.0, "m/s2", "Limit of plunge and lift [assumed].")
-    stir_velocity_m_s: float = num(0.6, 0.01, 50.0, "m/s", "Limit of the blade on its circle [assumed].")
-    stir_acceleration_m_s2: float = num(10.0, 0.1, 1000.0, "m/s2", "Limit of the blade on its circle [assumed].")
-    soil_resistance_pa: float = num(
-        4.0e4,
-        1.0,
-        1.0e7,
-        "Pa",
-        "Resistance of the soil per area that the blade meets, its width x its depth [assumed: a loose seedbed].",
-    )
-    root_m: tuple[float, float, float] = num(
-        (0.006, 0.010, 0.016), 1e-4, 0.1, "m", "Radius of a weed's root zone by stage [assumed]."
-    )
-    depth50_m: float = num(
-        0.006,
-        1e-4,
-        0.2,
-        "m",
-        "Depth, over the whole root zone, that uproots half of the two-leaf broadleaves [assumed: a normal stir that "
-        "is well aimed then takes five of six of them; within-row hoes take 62-87 % of all weeds: published].",
-    )
-    slope: float = num(
-        1.3,
-        0.1,
-        50.0,
-        "",
-        "Steepness of the logistic in ln(depth) [identified: from 10 to 30 mm the share of uprooted plants doubles, at "
-        "51 % on average (Kurstjens et al. 2000)].",
-    )
-    stage_factor: tuple[float, float, float] = num(
-        (0.5, 1.0, 2.0),
-        0.01,
-        100.0,
-        "",
-        "Depth at cotyledon, two-leaf and four-leaf stage relative to two-leaf [assumed; roots hold better: "
-        "published].",
-    )
-    grass_factor: float = num(
-        1.3, 0.01, 100.0, "", "Depth of grasses relative to broadleaves [assumed; their tufted roots hold better]."
-    )
-    crop_root_m: float = num(
-        0.010,
-        1e-4,
-        0.1,
-        "m",
-        "Radius of a crop plant's root zone [published: beets were hoed up to 10 mm from their middle without harm].",
-    )
-    crop_depth50_m: float = num(
-        0.012,
-        1e-4,
-        0.2,
-        "m",
-        "Depth over its whole root zone that loses half of the crop plants [assumed: as a four-leaf weed].",
-    )
-    crop_slope: float = num(2.0, 0.1, 50.0, "", "Steepness for crop plants [assumed].")
+    depth_m: tuple[float, float, float] = num((0.012, 0.022, 0.035), 1e-4, 0.2, "m")
+    """Depth of the blade at the intensities gentle, normal, deep [assumed, within the published 10-40 mm]."""
+    stir_radius_m: tuple[float, float, float] = num((0.005, 0.009, 0.013), 1e-4, 0.1, "m")
+    """Radius of the circle that the blade is led on [assumed]."""
+    blade_radius_m: float = num(0.014, 1e-3, 0.1, "m")
+    """Radius of the round blade [assumed; at least as large as the circle, so that nothing in its middle is left]."""
+    clearance_m: float = num(0.055, 1e-3, 0.5, "m")
+    """Height of the blade over the ground when it moves from plant to plant [assumed: over the leaves]."""
+    plunge_velocity_m_s: float = num(1.0, 0.01, 50.0, "m/s")
+    """Limit of plunge and lift [assumed]."""
+    plunge_acceleration_m_s2: float = num(10.0, 0.1, 1000.0, "m/s2")
+    """Limit of plunge and lift [assumed]."""
+    stir_velocity_m_s: float = num(0.6, 0.01, 50.0, "m/s")
+    """Limit of the blade on its circle [assumed]."""
+    stir_acceleration_m_s2: float = num(10.0, 0.1, 1000.0, "m/s2")
+    """Limit of the blade on its circle [assumed]."""
+    soil_resistance_pa: float = num(4.0e4, 1.0, 1.0e7, "Pa")
+    """Resistance of the soil per area that the blade meets, its width x its depth [assumed: a loose seedbed]."""
+    root_m: tuple[float, float, float] = num((0.006, 0.010, 0.016), 1e-4, 0.1, "m")
+    """Radius of a weed's root zone by stage [assumed]."""
+    depth50_m: float = num(0.006, 1e-4, 0.2, "m")
+    """Depth, over the whole root zone, that uproots half of the two-leaf broadleaves [assumed: a normal stir that is
+    well aimed then takes five of six of them; within-row hoes take 62-87 % of all weeds: published]."""
+    slope: float = num(1.3, 0.1, 50.0, "")
+    """Steepness of the logistic in ln(depth) [identified: from 10 to 30 mm the share of uprooted plants doubles, at 51
+    % on average (Kurstjens et al. 2000)]."""
+    stage_factor: tuple[float, float, float] = num((0.5, 1.0, 2.0), 0.01, 100.0, "")
+    """Depth at cotyledon, two-leaf and four-leaf stage relative to two-leaf [assumed; roots hold better: published]."""
+    grass_factor: float = num(1.3, 0.01, 100.0, "")
+    """Depth of grasses relative to broadleaves [assumed; their tufted roots hold better]."""
+    crop_root_m: float = num(0.010, 1e-4, 0.1, "m")
+    """Radius of a crop plant's root zone [published: beets were hoed up to 10 mm from their middle without harm]."""
+    crop_depth50_m: float = num(0.012, 1e-4, 0.2, "m")
+    """Depth over its whole root zone that loses half of the crop plants [assumed: as a four-leaf weed]."""
+    crop_slope: float = num(2.0, 0.1, 50.0, "")
+    """Steepness for crop plants [assumed]."""
 
     def check(self) -> None:
         """Hold the circle to the blade, the depths to their order."""

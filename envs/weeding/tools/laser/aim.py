@@ -45,48 +45,28 @@ from ...timing import A, Approach, Place
 class LaserReach(Config):
     """Ranges and limits of the aim; within the defaults every pose respects every limit of ``ThreeUPSRPU.weeder()``."""
 
-    base_height_m: float = num(1.45, 0.2, 5.0, "m", "Mechanism's base over the ground [assumed].")
-    gap_m: float = num(
-        0.85,
-        0.05,
-        5.0,
-        "m",
-        "Platform's centre over the targets; the height fits the crop: Z = base height - target height - gap "
-        "[assumed].",
-    )
-    target_height_m: float = num(0.02, 1e-4, 1.0, "m", "Height of the weeds' growing points over the ground [assumed].")
-    travel_m: float = num(
-        0.15,
-        0.005,
-        2.0,
-        "m",
-        "Range of X while following, +-; moves may overshoot it by up to 0.05 m [assumed, checked against the limits].",
-    )
-    lean_m: float = num(
-        0.20, 0.005, 2.0, "m", "Range of the beam's lean along, +-: beta within 13.3 deg [assumed, as above]."
-    )
-    half_width_m: float = num(
-        0.20, 0.005, 2.0, "m", "Range of the spot across, +-: alpha within 13.3 deg [assumed, as above]."
-    )
-    travel_velocity_m_s: float = num(
-        1.0, 0.01, 50.0, "m/s", "Limit of P over ground [assumed: belt or linear-motor actuators of 2 m/s]."
-    )
-    travel_acceleration_m_s2: float = num(
-        10.0, 0.1, 1000.0, "m/s2", "Limit of P over ground [assumed: belt or linear-motor actuators of 20 m/s2]."
-    )
-    lean_velocity_m_s: float = num(
-        2.0, 0.01, 50.0, "m/s", "Limit of the lean along and across [assumed: 2.4 rad/s over the gap]."
-    )
-    lean_acceleration_m_s2: float = num(
-        18.0, 0.1, 1000.0, "m/s2", "Limit of the lean along and across [assumed: 21 rad/s2 over the gap]."
-    )
-    expected_move_s: float = num(
-        0.26,
-        0.001,
-        10.0,
-        "s",
-        "Time of a move that the choice of the lean reckons with; the true one is used for everything else [assumed].",
-    )
+    base_height_m: float = num(1.45, 0.2, 5.0, "m")
+    """Mechanism's base over the ground [assumed]."""
+    gap_m: float = num(0.85, 0.05, 5.0, "m")
+    """Platform's centre over the targets; the height fits the crop: Z = base height - target height - gap [assumed]."""
+    target_height_m: float = num(0.02, 1e-4, 1.0, "m")
+    """Height of the weeds' growing points over the ground [assumed]."""
+    travel_m: float = num(0.15, 0.005, 2.0, "m")
+    """Range of X while following, +-; moves may overshoot it by up to 0.05 m [assumed, checked against the limits]."""
+    lean_m: float = num(0.20, 0.005, 2.0, "m")
+    """Range of the beam's lean along, +-: beta within 13.3 deg [assumed, as above]."""
+    half_width_m: float = num(0.20, 0.005, 2.0, "m")
+    """Range of the spot across, +-: alpha within 13.3 deg [assumed, as above]."""
+    travel_velocity_m_s: float = num(1.0, 0.01, 50.0, "m/s")
+    """Limit of P over ground [assumed: belt or linear-motor actuators of 2 m/s]."""
+    travel_acceleration_m_s2: float = num(10.0, 0.1, 1000.0, "m/s2")
+    """Limit of P over ground [assumed: belt or linear-motor actuators of 20 m/s2]."""
+    lean_velocity_m_s: float = num(2.0, 0.01, 50.0, "m/s")
+    """Limit of the lean along and across [assumed: 2.4 rad/s over the gap]."""
+    lean_acceleration_m_s2: float = num(18.0, 0.1, 1000.0, "m/s2")
+    """Limit of the lean along and across [assumed: 21 rad/s2 over the gap]."""
+    expected_move_s: float = num(0.26, 0.001, 10.0, "s")
+    """Time of a move that the choice of the lean reckons with; the true one is used for everything else [assumed]."""
 
     def check(self) -> None:
         """Hold the platform between base and ground."""

@@ -14,8 +14,10 @@ from .process import ProcessConfig, label_dose
 class WeedingConfig(FieldTask):
     """Everything that defines a weeding task with the laser."""
 
-    reach: LaserReach = nested(LaserReach, "Where the beam reaches and how fast the aim moves.")
-    process: ProcessConfig = nested(ProcessConfig, "What the beam does to plants.")
+    reach: LaserReach = nested(LaserReach)
+    """Where the beam reaches and how fast the aim moves."""
+    process: ProcessConfig = nested(ProcessConfig)
+    """What the beam does to plants."""
 
     @property
     def front_m(self) -> float:

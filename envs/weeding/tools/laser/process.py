@@ -36,68 +36,30 @@ B = numbered(Burning)
 class ProcessConfig(Config):
     """Burning one weed: the beam, the doses, and what plants can take."""
 
-    power_w: float = num(
-        200.0,
-        1.0,
-        10_000.0,
-        "W",
-        "Optical power on the plant [assumed; CO2 class, so that the published doses take 0.15-1 s].",
-    )
-    dose_j: tuple[float, float, float] = num(
-        (30.0, 75.0, 200.0),
-        0.1,
-        10_000.0,
-        "J",
-        "Energy of the dose levels low, normal, high [assumed; they bracket the published 54 J and its stage factors].",
-    )
-    correct_s: float = num(
-        0.05,
-        0.0,
-        10.0,
-        "s",
-        "Tool camera image, correction of the aim and its small motion, before every shot [assumed].",
-    )
-    spot_radius_m: float = num(
-        0.003, 1e-4, 0.05, "m", "1/e2 radius of the Gaussian spot [assumed: 6 mm, the widest published spot]."
-    )
-    ed95_j: float = num(
-        54.0,
-        0.1,
-        10_000.0,
-        "J",
-        "Dose that kills 95 % of two-leaf broadleaves when centred [published: Marx et al. 2012, CO2 laser].",
-    )
-    slope: float = num(4.0, 0.1, 50.0, "", "Steepness of the logistic in ln(dose) [assumed].")
-    stage_factor: tuple[float, float, float] = num(
-        (0.4, 1.0, 3.0),
-        0.01,
-        100.0,
-        "",
-        "Dose at cotyledon, two-leaf and four-leaf stage relative to two-leaf [assumed; published trends].",
-    )
-    grass_factor: float = num(
-        1.75,
-        0.01,
-        100.0,
-        "",
-        "Dose of grasses relative to broadleaves [assumed, between 1.5 and 2; monocots need more: published].",
-    )
-    meristem_m: tuple[float, float, float] = num(
-        (0.0025, 0.0030, 0.0040),
-        1e-4,
-        0.05,
-        "m",
-        "Radius of the vulnerable middle (growing point and leaf bases) by stage; it widens the overlap [assumed].",
-    )
-    crop_ed50_j: float = num(
-        20.0,
-        0.1,
-        10_000.0,
-        "J",
-        "Dose on a crop plant's growing point that kills half of them [assumed: a two-leaf broadleaf takes 26 J].",
-    )
-    crop_slope: float = num(4.0, 0.1, 50.0, "", "Steepness for crop plants [assumed].")
-    crop_heart_m: float = num(0.006, 1e-4, 0.05, "m", "Radius of a crop plant's growing point [assumed].")
+    power_w: float = num(200.0, 1.0, 10_000.0, "W")
+    """Optical power on the plant [assumed; CO2 class, so that the published doses take 0.15-1 s]."""
+    dose_j: tuple[float, float, float] = num((30.0, 75.0, 200.0), 0.1, 10_000.0, "J")
+    """Energy of the dose levels low, normal, high [assumed; they bracket the published 54 J and its stage factors]."""
+    correct_s: float = num(0.05, 0.0, 10.0, "s")
+    """Tool camera image, correction of the aim and its small motion, before every shot [assumed]."""
+    spot_radius_m: float = num(0.003, 1e-4, 0.05, "m")
+    """1/e2 radius of the Gaussian spot [assumed: 6 mm, the widest published spot]."""
+    ed95_j: float = num(54.0, 0.1, 10_000.0, "J")
+    """Dose that kills 95 % of two-leaf broadleaves when centred [published: Marx et al. 2012, CO2 laser]."""
+    slope: float = num(4.0, 0.1, 50.0, "")
+    """Steepness of the logistic in ln(dose) [assumed]."""
+    stage_factor: tuple[float, float, float] = num((0.4, 1.0, 3.0), 0.01, 100.0, "")
+    """Dose at cotyledon, two-leaf and four-leaf stage relative to two-leaf [assumed; published trends]."""
+    grass_factor: float = num(1.75, 0.01, 100.0, "")
+    """Dose of grasses relative to broadleaves [assumed, between 1.5 and 2; monocots need more: published]."""
+    meristem_m: tuple[float, float, float] = num((0.0025, 0.0030, 0.0040), 1e-4, 0.05, "m")
+    """Radius of the vulnerable middle (growing point and leaf bases) by stage; it widens the overlap [assumed]."""
+    crop_ed50_j: float = num(20.0, 0.1, 10_000.0, "J")
+    """Dose on a crop plant's growing point that kills half of them [assumed: a two-leaf broadleaf takes 26 J]."""
+    crop_slope: float = num(4.0, 0.1, 50.0, "")
+    """Steepness for crop plants [assumed]."""
+    crop_heart_m: float = num(0.006, 1e-4, 0.05, "m")
+    """Radius of a crop plant's growing point [assumed]."""
 
     def check(self) -> None:
         """Hold the doses to their order."""
