@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from ..envs.assembly import meant
-from ..envs.task import factories, resolved, task
+from ..envs.references import resolved
+from ..envs.task import factories, task
 from .foreign import (
     ForeignError,
     digest_of_files,

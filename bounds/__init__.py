@@ -12,7 +12,8 @@ from typing import Any, Protocol
 import gymnasium as gym
 
 from ..envs.assembly import choice
-from ..envs.task import resolved, task, tasks
+from ..envs.references import resolved
+from ..envs.task import task, tasks
 from .base import METHODS, Bound
 
 __all__ = ["METHODS", "Bound", "Instance", "bounded_ids", "instance"]

@@ -12,8 +12,11 @@ compiled code nothing::
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
 
 BlockT = TypeVar("BlockT")
 
@@ -44,6 +47,17 @@ def numbered(block: type[BlockT]) -> BlockT:
 def names(block: type[Any]) -> tuple[str, ...]:
     """The names of a block, in order."""
     return tuple(block._fields)
+
+
+def table_of(candidate: type[Any]) -> Callable[[Mapping[str, NDArray[Any]]], NDArray[np.float32]]:
+    """What reads the candidates of an observation as a table (..., K, F), one column a name of ``candidate``."""
+    columns = len(names(candidate))
+
+    def candidate_table(observation: Mapping[str, NDArray[Any]]) -> NDArray[np.float32]:
+        flat = observation["candidates"]
+        return flat.reshape(*flat.shape[:-1], -1, columns)
+
+    return candidate_table
 
 
 def documented(block: type[Any]) -> Mapping[str, Says]:

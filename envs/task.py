@@ -11,6 +11,8 @@ from typing import Any
 
 import gymnasium as gym
 
+from .references import resolved
+
 TASKS_GROUP, POLICIES_GROUP = "fieldgym.tasks", "fieldgym.policies"
 """Entry-point groups in which installed packages announce a ``TaskSpec`` (or several), and a function that registers
 policies."""
@@ -95,17 +97,6 @@ class TaskSpec:
     def perceptions(self) -> tuple[str, ...]:
         """What policies can be shown."""
         return self.assembly.perceptions
-
-
-def resolved(reference: Any) -> Any:
-    """The object that ``"package.module:name"`` stands for; what is no text stands for itself."""
-    if not isinstance(reference, str):
-        return reference
-    module, _, name = reference.partition(":")
-    found: Any = import_module(module)
-    for part in name.split("."):
-        found = getattr(found, part)
-    return found
 
 
 _TASKS: dict[str, TaskSpec] = {}

@@ -98,7 +98,8 @@ def _train(
 ) -> None:
     from fieldgym.agents.learning import training
     from fieldgym.agents.learning.runs import CheckpointError
-    from fieldgym.envs.task import resolved, task
+    from fieldgym.envs.references import resolved
+    from fieldgym.envs.task import task
     from fieldgym.kernels.locks import FolderBusyError
 
     if not resume and any(folder.glob("state.*")):

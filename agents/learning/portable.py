@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.task import resolved
+from ...envs.references import resolved
 from ...kernels.files import read_file, replace_file
 from ..policies.network import FORMAT as NETWORK
 from ..policies.network import NetworkPolicy

@@ -2,33 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..assembly import Assembly
+from ..references import later
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv
 from .config import SCENARIOS, PerceptionModel, SafflowerConfig
 from .core import PickerOutcome, SafflowerCore
 from .state import PickerPlan
-
-if TYPE_CHECKING:
-    from .machine import PyBulletPicker
-    from .view import PickerView
-
-# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
-
-
-def _machine(core: SafflowerCore) -> PyBulletPicker:
-    from .machine import PyBulletPicker
-
-    return PyBulletPicker(core)
-
-
-def _view(core: SafflowerCore) -> PickerView:
-    from .view import PickerView
-
-    return PickerView(core)
-
 
 PICKER: Assembly[Any] = Assembly(
     config=SafflowerConfig,
@@ -36,8 +18,8 @@ PICKER: Assembly[Any] = Assembly(
     core=SafflowerCore,
     perfect=lambda config: PerceptionModel.perfect(),
     measured=lambda config: PerceptionModel.measured(config.scenario.camera_fit),
-    machine=_machine,
-    view=_view,
+    machine=later("fieldgym.envs.safflower.machine:PyBulletPicker"),
+    view=later("fieldgym.envs.safflower.view:PickerView"),
     settings={"slots": "slots"},
 )
 

@@ -6,13 +6,9 @@ A feature is a quantity divided by its scale, to be of order one, and held to th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..columns import Says, numbered
+from ..columns import Says, numbered, table_of
 
 LIMIT = 10.0
 """Largest size of a number that policies are shown."""
@@ -52,8 +48,5 @@ class Candidate(NamedTuple):
 
 M, C = numbered(Machine), numbered(Candidate)
 
-
-def candidate_table(observation: Mapping[str, NDArray[Any]]) -> NDArray[np.float32]:
-    """Candidates (..., K, F) of an observation, one column a field of ``Candidate``."""
-    flat = observation["candidates"]
-    return flat.reshape(*flat.shape[:-1], -1, len(C))
+candidate_table = table_of(Candidate)
+"""Candidates (..., K, F) of an observation, one column a name of ``Candidate``."""

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..columns import Says, names, numbered
+from ..columns import Says, names, numbered, table_of
 from ..core import COMMON_SCORES
 from .config import GRADES
 
@@ -234,8 +230,5 @@ assert (NUMBER.turn_z, NUMBER.x_axis_z, NUMBER.z_axis_z) == (
     NUMBER.x_axis_x + 5,
 )
 
-
-def candidate_table(observation: Mapping[str, NDArray[Any]]) -> NDArray[np.float32]:
-    """Candidates (..., K, F) of an observation, one column a name of ``Candidate``."""
-    flat = observation["candidates"]
-    return flat.reshape(*flat.shape[:-1], -1, len(CANDIDATE))
+candidate_table = table_of(Candidate)
+"""Candidates (..., K, F) of an observation, one column a name of ``Candidate``."""

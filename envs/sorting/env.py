@@ -2,33 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..assembly import Assembly
+from ..references import later
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv
 from .config import SCENARIOS, PerceptionModel, SortingConfig
 from .core import SorterOutcome, SortingCore
 from .state import SorterPlan
-
-if TYPE_CHECKING:
-    from .machine import PyBulletSorter
-    from .view import SorterView
-
-# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
-
-
-def _machine(core: SortingCore) -> PyBulletSorter:
-    from .machine import PyBulletSorter
-
-    return PyBulletSorter(core)
-
-
-def _view(core: SortingCore) -> SorterView:
-    from .view import SorterView
-
-    return SorterView(core)
-
 
 SORTER: Assembly[Any] = Assembly(
     config=SortingConfig,
@@ -36,8 +18,8 @@ SORTER: Assembly[Any] = Assembly(
     core=SortingCore,
     perfect=lambda config: PerceptionModel.perfect(),
     measured=lambda config: PerceptionModel.measured(),
-    machine=_machine,
-    view=_view,
+    machine=later("fieldgym.envs.sorting.machine:PyBulletSorter"),
+    view=later("fieldgym.envs.sorting.view:SorterView"),
     settings={"slots": "slots"},
 )
 

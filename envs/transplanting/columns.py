@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..columns import Says, names, numbered
+from ..columns import Says, numbered, table_of
 
 PLACE_SCALE_M = 0.3
 MOVE_SCALE_S = 1.0
@@ -151,8 +147,5 @@ E, W, P, R = numbered(Ends), numbered(Ways), numbered(Phases), numbered(Rewards)
 L, H, T, S = numbered(Lucks), numbered(Harms), numbered(Totals), numbered(Scores)
 M, C = numbered(Machine), numbered(Candidate)
 
-
-def candidate_table(observation: Mapping[str, NDArray[Any]]) -> NDArray[np.float32]:
-    """Candidates (..., K, F) of an observation, one column a name of ``Candidate``."""
-    flat = observation["candidates"]
-    return flat.reshape(*flat.shape[:-1], -1, len(names(Candidate)))
+candidate_table = table_of(Candidate)
+"""Candidates (..., K, F) of an observation, one column a name of ``Candidate``."""

@@ -2,33 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...kernels.config import override
 from ..assembly import Assembly
+from ..references import later
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv
 from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, TransplantingConfig, tray
 from .core import TransplantingCore, TransplantOutcome
 from .rules import TransplantPlan
-
-if TYPE_CHECKING:
-    from .machine import PyBulletTransplanter
-    from .view import TransplantView
-
-# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
-
-
-def _machine(core: TransplantingCore) -> PyBulletTransplanter:
-    from .machine import PyBulletTransplanter
-
-    return PyBulletTransplanter(core)
-
-
-def _view(core: TransplantingCore) -> TransplantView:
-    from .view import TransplantView
-
-    return TransplantView(core)
 
 
 def _with_source(config: TransplantingConfig, cells: int) -> TransplantingConfig:
@@ -45,8 +28,8 @@ TRANSPLANTER: Assembly[Any] = Assembly(
     core=TransplantingCore,
     perfect=lambda config: PerceptionModel.perfect(),
     measured=lambda config: PerceptionModel.measured(config.scenario.source, config.scenario.target),
-    machine=_machine,
-    view=_view,
+    machine=later("fieldgym.envs.transplanting.machine:PyBulletTransplanter"),
+    view=later("fieldgym.envs.transplanting.view:TransplantView"),
     settings={"motion": "machine.motion", "source_tray": _with_source, "target_tray": _with_target},
 )
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ....assembly import Assembly, choice
-from ....task import resolved
+from ....references import later, resolved
 from ....vector import TaskVectorEnv
 from ...config import SCENARIOS
 from ...core import WeederOutcome, WeedingCore
@@ -16,29 +16,11 @@ from .arm import HoeArm
 from .config import HoeWeedingConfig
 from .process import HoeProcess
 
-if TYPE_CHECKING:
-    from .machine import PyBulletHoe
-    from .view import HoeView
-
-# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
-
 
 def hoe_core(config: HoeWeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
     """The weeding rules with the hoe as their tool."""
     arm = HoeArm.of(config.reach, config.cart.early_s)
     return WeedingCore(config, arm, HoeProcess(config.process), perception, worlds)
-
-
-def _machine(core: WeedingCore) -> PyBulletHoe:
-    from .machine import PyBulletHoe
-
-    return PyBulletHoe(core, core.config)
-
-
-def _view(core: WeedingCore) -> HoeView:
-    from .view import HoeView
-
-    return HoeView(core, core.config)
 
 
 HOE: Assembly[Any] = Assembly(
@@ -47,8 +29,8 @@ HOE: Assembly[Any] = Assembly(
     core=hoe_core,
     perfect=lambda config: PerceptionModel.perfect(),
     measured=lambda config: uncorrected(PerceptionModel.measured()),
-    machine=_machine,
-    view=_view,
+    machine=later("fieldgym.envs.weeding.tools.hoe.machine:PyBulletHoe"),
+    view=later("fieldgym.envs.weeding.tools.hoe.view:HoeView"),
     settings={"slots": "slots"},
     fixed={"speed_control": False},
 )

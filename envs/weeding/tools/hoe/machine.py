@@ -26,12 +26,13 @@ class PyBulletHoe:
     whole steps: a decision takes up to one step longer than its plan.
     """
 
-    def __init__(self, core: WeedingCore, config: HoeWeedingConfig):
+    def __init__(self, core: WeedingCore):
         """Build the machine for the rules' single world."""
         if core.worlds != 1:
             raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
-        self._core, self._hoe = core, config.process
-        self._machine = HoeMachine(hoe_parameters(config))
+        self._core = core
+        self._hoe: HoeProcessConfig = core.config.process
+        self._machine = HoeMachine(hoe_parameters(core.config))
         self._dt = 1.0 / self._machine.parameters.physics_hz
         self.last_result: PrrsResult | None = None
 

@@ -18,10 +18,11 @@ from .scene import HoeScene
 class HoeView(FieldView[HoeScene]):
     """Scenes of the hoe; see ``FieldView``."""
 
-    def __init__(self, core: WeedingCore, config: HoeWeedingConfig):
+    def __init__(self, core: WeedingCore):
         """Build nothing yet: scenes come with the first look or picture."""
         super().__init__(core)
-        self._config, self._parameters = config, hoe_parameters(config)
+        self._config: HoeWeedingConfig = core.config
+        self._parameters = hoe_parameters(self._config)
 
     def make_scene(self) -> HoeScene:
         """A scene: one for the camera, and one for people with the machine in it."""

@@ -87,7 +87,7 @@ def measure(tier: str, strips: int) -> Strips:
     """Drive over the strips of a tier."""
     config = replace(WeedingConfig(), scenario=SCENARIOS[tier])
     core = laser_core(config, None)
-    view = WeederView(core, config)
+    view = WeederView(core)
     counts: dict[str, int] = dict.fromkeys(("pictures", "truth", "plants", "hits", "crop_as_weed"), 0)
     all_seen = []
     for strip in range(strips):

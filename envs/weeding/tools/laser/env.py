@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ....assembly import Assembly
+from ....references import later
 from ....vector import TaskVectorEnv
 from ...config import SCENARIOS
 from ...core import WeederOutcome, WeedingCore
@@ -16,29 +17,11 @@ from .aim import LaserArm
 from .config import WeedingConfig
 from .process import LaserProcess
 
-if TYPE_CHECKING:
-    from .machine import PyBulletWeeder
-    from .view import WeederView
-
-# PyBullet, rendering and OpenCV load where a machine is driven or something is seen.
-
 
 def laser_core(config: WeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
     """The weeding rules with the laser as their tool."""
     arm = LaserArm.of(config.reach, config.cart.early_s)
     return WeedingCore(config, arm, LaserProcess(config.process), perception, worlds)
-
-
-def _machine(core: WeedingCore) -> PyBulletWeeder:
-    from .machine import PyBulletWeeder
-
-    return PyBulletWeeder(core, core.config)
-
-
-def _view(core: WeedingCore) -> WeederView:
-    from .view import WeederView
-
-    return WeederView(core, core.config)
 
 
 LASER: Assembly[Any] = Assembly(
@@ -47,8 +30,8 @@ LASER: Assembly[Any] = Assembly(
     core=laser_core,
     perfect=lambda config: PerceptionModel.perfect(),
     measured=lambda config: PerceptionModel.measured(),
-    machine=_machine,
-    view=_view,
+    machine=later("fieldgym.envs.weeding.tools.laser.machine:PyBulletWeeder"),
+    view=later("fieldgym.envs.weeding.tools.laser.view:WeederView"),
     settings={"slots": "slots"},
     fixed={"speed_control": False},
 )

@@ -25,12 +25,13 @@ class PyBulletWeeder:
     Phases are cut to whole steps: a decision takes up to one step longer than its plan.
     """
 
-    def __init__(self, core: WeedingCore, config: WeedingConfig):
+    def __init__(self, core: WeedingCore):
         """Build the machine for the rules' single world."""
         if core.worlds != 1:
             raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
-        self._core, self._config = core, config
-        self._machine = WeederMachine(weeder_parameters(config))
+        self._core = core
+        self._config: WeedingConfig = core.config
+        self._machine = WeederMachine(weeder_parameters(self._config))
         self._dt = 1.0 / self._machine.parameters.physics_hz
         self.last_result: WeederResult | None = None
 

@@ -27,10 +27,10 @@ TOOL_GATE_M = 0.022
 class WeederView(FieldView[WeederScene]):
     """The laser's strip, with the camera that corrects its aim."""
 
-    def __init__(self, core: WeedingCore, config: WeedingConfig):
+    def __init__(self, core: WeedingCore):
         """Build nothing yet: scenes come with the first look or picture."""
         super().__init__(core)
-        self._config = config
+        self._config: WeedingConfig = core.config
 
     def make_scene(self) -> WeederScene:
         """A scene: one for the cameras, and one for people with the machine in it."""
