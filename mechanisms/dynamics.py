@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .batching import Array, as_points
+from .bodies import GRAVITY_M_S2
 from .linear import apply
 from .two_legs import TwoLegs, solve_pair
 
@@ -76,7 +77,7 @@ def motor_torques(
     velocity: ArrayLike,
     acceleration: ArrayLike,
     payload_kg: ArrayLike = 0.0,
-    gravity: float = 9.81,
+    gravity: float = GRAVITY_M_S2,
 ) -> Array:
     """Torques that the motors exert on the arms along a motion.
 
@@ -133,3 +134,28 @@ def motor_torques(
 def _project(partial: Array, vector: Array) -> Array:
     """Partial velocities (..., 2, 2) transposed times vectors (..., 2)."""
     return apply(np.swapaxes(partial, -1, -2), vector)
+
+
+@dataclass(frozen=True)
+class TwoLegsDynamics:
+    """A machine of two arms and two forearms with its masses (``bodies.Dynamics``); positions are the tool's, (..., 2).
+
+    Attributes:
+        mechanism: geometry.
+        masses: of both legs and of what they carry.
+        viscous: friction of the two motors, see ``Dynamics``.
+    """
+
+    mechanism: TwoLegs
+    masses: LinkMasses
+    viscous: tuple[float, ...]
+
+    def efforts(
+        self, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, gravity_m_s2: float = GRAVITY_M_S2
+    ) -> Array:
+        """Motor torques (..., 2) in N m; see ``motor_torques``."""
+        return motor_torques(self.mechanism, self.masses, position, velocity, acceleration, 0.0, gravity_m_s2)
+
+    def rates(self, position: ArrayLike, velocity: ArrayLike) -> Array:
+        """Rates (..., 2) of the motors in rad/s."""
+        return self.mechanism.joint_rates(position, velocity)
