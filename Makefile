@@ -3,15 +3,18 @@
 # make test        the tests
 # make test-slow   those that take more than a few seconds each
 # make lint        ruff and pyright
+# make pythons     which Pythons this machine has for it, the preferred one first
 # make clean       delete what the other targets made, the results and the user's cache folder excepted
 #
 # Each target first makes the virtual environment that it needs, once. Another place for it, another Python:
-#   make test VENV=/tmp/venv PYTHON=python3.10
+#   make test VENV=/tmp/venv PYTHON=python3.13
 
 VENV ?= .venv
 PYTHON ?=
 EXTRAS ?= dev
 JOBS ?= 2
+PYENV_ROOT ?= $(HOME)/.pyenv
+VERSIONS := 3.11 3.10 3.12 3.13
 
 # Nothing of an active environment may leak into ours.
 unexport PYTHONPATH
@@ -24,7 +27,7 @@ INPUTS := pyproject.toml constraints.txt Makefile
 CORE := $(VENV)/.fieldgym-core
 FULL := $(VENV)/.fieldgym-$(EXTRAS)
 
-.PHONY: benchmark leaderboard test test-slow lint setup clean
+.PHONY: benchmark leaderboard test test-slow lint setup pythons clean
 .DEFAULT_GOAL := benchmark
 
 benchmark: $(CORE)
@@ -62,17 +65,27 @@ $(FULL): $(CORE)
 	@touch $@
 
 $(BIN)/python:
-	@for python in $(if $(PYTHON),"$(PYTHON)",python3.11 python3.10 python3 python); do \
-	    if "$$python" -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info[:2] < (3, 12))' \
-	            >/dev/null 2>&1; then \
-	        echo "Making $(VENV) with $$("$$python" --version)"; \
-	        exec "$$python" -m venv "$(VENV)"; \
-	    fi; \
-	done; \
-	echo "fieldgym needs Python 3.10 or 3.11 with its venv and ensurepip modules," \
+	@python=$(if $(PYTHON),"$(PYTHON)","$$($(MAKE) --silent --no-print-directory pythons | head -n 1)"); \
+	if "$$python" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))' >/dev/null 2>&1; then \
+	    echo "Making $(VENV) with $$("$$python" --version)"; \
+	    exec "$$python" -m venv "$(VENV)"; \
+	fi; \
+	echo "fieldgym needs Python 3.10 or later with its venv and ensurepip modules," \
 	     "and $(if $(PYTHON),$(PYTHON) is not that,none was found)." >&2; \
 	echo "Install one (Debian, Ubuntu: apt-get install python3.11-venv) or name one: make PYTHON=/path/to/python3.11" >&2; \
 	exit 1
+
+# One Python of each version that can make environments, the one that is used first: on the path, or pyenv's.
+pythons:
+	@for version in $(VERSIONS); do \
+	    for python in python$$version "$(PYENV_ROOT)"/versions/$$version.*/bin/python python3 python; do \
+	        if "$$python" -c 'import sys, venv, ensurepip; sys.exit("%d.%d" % sys.version_info[:2] != "'$$version'")' \
+	                >/dev/null 2>&1; then \
+	            command -v "$$python"; \
+	            break; \
+	        fi; \
+	    done; \
+	done
 
 clean:
 	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

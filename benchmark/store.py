@@ -27,7 +27,7 @@ EPISODES = "episodes.jsonl"
 BOUNDS = "bounds.jsonl"
 MANIFEST = "manifest.json"
 FORMAT = 2
-PACKAGES = ("gymnasium", "numba", "numpy", "opencv-python-headless", "pybullet", "scipy")
+PACKAGES = ("gymnasium", "numba", "numpy", "opencv-python-headless", "pybullet", "pybullet-arm64", "scipy")
 """Installed packages that can move a result."""
 
 MOST_BYTES = 2**31

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..envs.weeding.process import dose
 from ..envs.weeding.state import CROP_KIND, MODES, R
 from ..envs.weeding.timing import G
+from ..kernels.sums import in_order
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -167,13 +168,13 @@ def drawn_shots(core: Any, row: int, stray_m: float = 0.0) -> Shots:
 def _shares(by_track: dict[int, Array], tolerance: float) -> dict[tuple[int, int], float]:
     """Shares of one weed by track and mode; empty where it cannot be killed."""
     most = {track: float(doses.max()) for track, doses in by_track.items()}
-    if sum(most.values()) < tolerance:
+    if in_order(most.values()) < tolerance:
         return {}
     best = max(most, key=lambda track: most[track])
-    rest = sum(most.values()) - most[best]
+    rest = in_order(most.values()) - most[best]
     if rest < NOTICED * tolerance:
         return {(best, mode): 1.0 for mode, d in enumerate(by_track[best]) if d >= tolerance - rest}
-    faint = sum(value for value in most.values() if value < NOTICED * tolerance)
+    faint = in_order(value for value in most.values() if value < NOTICED * tolerance)
     found = {}
     for track, doses in by_track.items():
         for mode, d in enumerate(doses.tolist()):

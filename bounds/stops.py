@@ -15,6 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.sums import in_order
+
 Array = NDArray[np.float64]
 
 EXACT_TARGETS = 9
@@ -203,7 +205,7 @@ def shortest_cycle(stops: list[Stop], grams: float, already_s: float) -> float:
         already_s: time that has passed before the first decision.
     """
     busy = [stop for stop in stops if stop.targets]
-    if not busy or grams > sum(float(stop.gain.max(axis=1).sum()) for stop in busy) * (1.0 + 1e-9):
+    if not busy or grams > in_order(float(stop.gain.max(axis=1).sum()) for stop in busy) * (1.0 + 1e-9):
         return np.inf
     most = 2.0 * max(stop.longest_s for stop in busy) + already_s
     second_per_gram = float(np.median([np.min(s.process_s / np.maximum(s.gain, 1e-9)) for s in busy]))

@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from ..kernels.sums import in_order
 from .assembly import Assembly, choice
 from .core import Executor, NominalExecutor, OutcomeT, PlanT, StepResult, TaskCore, View
 from .field import Field
@@ -192,7 +193,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         rewards = result.rewards[0].tolist()
         observation = self._observe()
         info = self._info(rewards, result.phases_s[0].tolist())
-        return observation, sum(rewards), bool(result.terminated[0]), bool(result.truncated[0]), info
+        return observation, in_order(rewards), bool(result.terminated[0]), bool(result.truncated[0]), info
 
     def action_masks(self) -> np.ndarray:
         """Which actions are possible now, bool (n,); behind wrappers it is ``env.unwrapped.action_masks()``.

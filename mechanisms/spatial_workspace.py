@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..kernels.sums import in_order
 from .batching import Array
 from .regions import boundary_loops, enclosed_voids, label_regions
 from .workspace import polygon_area
@@ -109,7 +110,7 @@ def spatial_workspace(
         count = max(samples // (rays * steps), 8)
         levels, weights = _gauss_levels(low[2], high[2], count)
         sections = tuple(polar_sections(reachable, low, high, 2, levels, rays, steps))
-        volume = float(sum(w * section.area_m2 for w, section in zip(weights, sections, strict=True)))
+        volume = float(in_order(w * section.area_m2 for w, section in zip(weights, sections, strict=True)))
         points = np.concatenate([section.in_space(line) for section in sections for line in section.outlines])
         return SpatialWorkspace(points, volume, low, high, sections)
     if method == "grid":
@@ -225,7 +226,7 @@ def grid_section(
     areas = [polygon_area(loop) for loop in loops]
     outlines = tuple(loop for loop, area in zip(loops, areas, strict=True) if area > 0.0)
     holes = tuple(loop for loop, area in zip(loops, areas, strict=True) if area < 0.0)
-    return Section(axis, level_m, outlines, holes, float(sum(areas)))
+    return Section(axis, level_m, outlines, holes, float(in_order(areas)))
 
 
 def _grid_workspace(reachable: Reachable, low: Array, high: Array, cells: int) -> SpatialWorkspace:

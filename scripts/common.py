@@ -271,6 +271,10 @@ def execute(app: typer.Typer, name: str) -> NoReturn:
         sys.exit(_told(str(error), USAGE_ERROR))
     except (KeyboardInterrupt, typer.Abort):
         sys.exit(_told("stopped", INTERRUPTED))
+    except ImportError as error:
+        if error.name != "pybullet":
+            raise
+        sys.exit(_told(str(error), USAGE_ERROR))
     except Exception as error:
         # Typer's usage errors share no public base class; they all can format themselves.
         describe = getattr(error, "format_message", None)

@@ -30,11 +30,20 @@ def _silent_stderr() -> Iterator[None]:
 
 
 def _import_pybullet() -> Any:
-    """PyBullet, without the build date that its C code prints on import into whatever the program is displaying."""
-    if "pybullet" in sys.modules:
-        return sys.modules["pybullet"]
-    with _silent_stderr():
-        import pybullet
+    """PyBullet, without the build date that its C code prints on import into whatever the program is displaying.
+
+    Raises:
+        ImportError: it is not installed; one line says what to install.
+    """
+    if (known := sys.modules.get("pybullet")) is not None:
+        return known
+    try:
+        with _silent_stderr():
+            import pybullet
+    except ImportError:
+        package = "pybullet" if sys.version_info < (3, 12) else "pybullet-arm64"
+        told = f'backend="pybullet" needs PyBullet, which is not installed: pip install {package}, or take "analytic"'
+        raise ImportError(f"{told}, which computes the same motion", name="pybullet") from None
     return pybullet
 
 

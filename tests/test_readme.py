@@ -50,6 +50,6 @@ def test_make_without_a_fitting_python_says_what_to_install(tmp_path: Path):
         capture_output=True, text=True, check=False, cwd=ROOT,
     )  # fmt: skip
     assert done.returncode != 0
-    assert "fieldgym needs Python 3.10 or 3.11" in done.stderr
+    assert "fieldgym needs Python 3.10 or later" in done.stderr
     assert "make PYTHON=/path/to/python3.11" in done.stderr
     assert not (tmp_path / "venv").exists()

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ...kernels.sums import in_order
 from ..core import Array
 from .batch import Plants, Tracks, nearest_along, nearest_crop, nearest_weed
 from .config import CartConfig, ScenarioConfig
@@ -139,7 +140,7 @@ def track_capacity(scenario: ScenarioConfig, perception: PerceptionModel | None)
     """Most tracks of a strip."""
     if perception is None:
         return 4 * scenario.max_weeds
-    return scenario.max_weeds + len(poisson_table(sum(false_means(scenario, perception))))
+    return scenario.max_weeds + len(poisson_table(in_order(false_means(scenario, perception))))
 
 
 def random_numbers(scenario: ScenarioConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
@@ -240,10 +241,10 @@ def _draw_false(
 ) -> tuple[Array, NDArray[np.bool_], Array]:
     """Owners' places (R, G, 2) of the false tracks, which of them there are, and their sightings (R, G, 7)."""
     means = false_means(scenario, perception)
-    table = poisson_table(sum(means))
+    table = poisson_table(in_order(means))
     g = len(table)
     there = np.arange(g) < np.searchsorted(table, u.take(1), side="right")
-    limits = np.cumsum(means) / max(sum(means), 1e-12)
+    limits = np.cumsum(means) / max(in_order(means), 1e-12)
     lots = u.take(g)
     kind = (lots > limits[0]).astype(np.int64) + (lots > limits[1])
     weeds = np.count_nonzero(plants.exists, axis=1)[:, None]
