@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -121,10 +122,26 @@ class PolynomialLaw(MotionLaw):
 
     coefficients: tuple[float, ...]
 
+    @cached_property
+    def derivatives(self) -> tuple[tuple[float, ...], ...]:
+        """Coefficients of the shape and of its first three derivatives."""
+        rows = [self.coefficients]
+        for _ in range(3):
+            rows.append(tuple(power * factor for power, factor in enumerate(rows[-1]))[1:])
+        return tuple(rows)
+
     def shape(self, tau: Array) -> tuple[Array, Array, Array, Array]:
         """See ``MotionLaw.shape``."""
-        polynomial = np.polynomial.Polynomial(self.coefficients)
-        return polynomial(tau), polynomial.deriv(1)(tau), polynomial.deriv(2)(tau), polynomial.deriv(3)(tau)
+        position, velocity, acceleration, jerk = (_horner(row, tau) for row in self.derivatives)
+        return position, velocity, acceleration, jerk
+
+
+def _horner(coefficients: tuple[float, ...], tau: Array) -> Array:
+    """A polynomial's values; NumPy's own class makes itself anew and maps its domain at each look."""
+    value = coefficients[-1] + tau * 0.0
+    for coefficient in coefficients[-2::-1]:
+        value = coefficient + value * tau
+    return value
 
 
 @dataclass(frozen=True)

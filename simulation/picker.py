@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 MOTORS = ("cart", "arm1", "arm2")
 _DRIVEN = [JOINTS.index(name) for name in MOTORS]
+_SOLVER_ITERATIONS = 60
+"""Few long steps with many sweeps cost less than many short ones with few: a step without a sweep takes as long as 40
+sweeps. The heavy tool on its light forearms needs them: tracking falls with their square, closure with the steps'."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class PickerMachine(LoopMachine):
             parameters: defaults to ``PickerParameters()``.
             client: a world to build in; the machine makes its own, and closes it, where this is left out.
         """
-        super().__init__(parameters or PickerParameters(), client)
+        super().__init__(parameters or PickerParameters(), client, solver_iterations=_SOLVER_ITERATIONS)
         bar = self.parameters.five_bar
         wrists = ((0.0, -bar.half_platform_m, bar.tool_drop_m), (0.0, bar.half_platform_m, bar.tool_drop_m))
         closures = [

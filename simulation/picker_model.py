@@ -83,7 +83,7 @@ class PickerParameters(Config):
     """One forearm [assumed, as above]."""
     tool_mass_kg: float = num(1.5, 1e-3, 100.0, "kg")
     """Platform with the shears, their 25GA-370 geared motor (published) and hose [mass assumed]."""
-    physics_hz: float = num(240.0, 30.0, 1e4, "Hz")
+    physics_hz: float = num(96.0, 30.0, 1e4, "Hz")
     """Simulation steps a second [assumed; the tracking figures are measured with it]."""
 
     def check(self) -> None:

@@ -23,6 +23,8 @@ class SorterParameters(PrrsParameters):
     """Top of the belt above the floor (assumed)."""
     origin_above_belt_m: float = num(0.095, 0.0, 0.5, "m")
     """The mechanism's z = 0 above the belt: the lowest grip is just inside the workspace (assumed)."""
+    physics_hz: float = num(120.0, 30.0, 100_000.0, "1/s")
+    """Simulation steps a second (the tracking figures are measured with it)."""
 
     name = "sorter"
 

@@ -50,10 +50,10 @@ class PyBulletPicker:
             return PickerOutcome(phases, plan.target)
         cart, tool, nominal_s = trajectory(plan, self._core.config.machine.clear_level_m, self._dt)
         report = self._machine.run(cart, tool)
-        moved_s = report.duration_s
         steps = _REST.steps(self._dt)
         still = np.full(steps, cart[-1]), np.repeat(tool[-1:], steps, 0)
-        report, moved_s = _REST.wait(report, moved_s, nominal_s, lambda: self._machine.run(*still))
+        # The end lies between two samples; the command rests from there on, and so does a tool that is on time.
+        report, moved_s = _REST.wait(report, nominal_s, nominal_s, lambda: self._machine.run(*still))
         phases[0, P.drive if kind == DRIVE else P.travel] += moved_s - nominal_s
         x, y, z = report.final_tool_m
         parameters = self._machine.parameters

@@ -71,7 +71,8 @@ class PyBulletSorter:
         last = int(np.ceil(end_s / self._dt))
         report = self._machine.run(self._poses(motion, closing, last, held))
         still = np.repeat(self._poses(motion, last, last, held), _REST.steps(self._dt), axis=0)
-        return _REST.wait(report, last * self._dt, end_s, lambda: self._machine.run(still))[1]
+        # The end lies between two samples; the command rests from there on, and so does a platform that is on time.
+        return _REST.wait(report, end_s, end_s, lambda: self._machine.run(still))[1]
 
     def _poses(self, motion: PickMotion, first: int, last: int, held: bool) -> Array:
         return motion.sample(np.arange(first, last + 1, dtype=np.float64) * self._dt, held).poses()
