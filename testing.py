@@ -312,7 +312,7 @@ def _policies(spec: TaskSpec) -> None:
                 _hold(value <= limit + EXACT, f"{name} beats the bound on seed {i}: {value} > {limit}")
 
 
-def check_batch(env_id: str, scenario: str, mode: str, worlds: int = 8, decisions: int = 300) -> None:
+def check_batch(env_id: str, scenario: str, mode: str, worlds: int = 8, decisions: int = 300, **kwargs: Any) -> None:
     """On equal seeds and actions a batch gives what single environments give, through the ends of episodes.
 
     Args:
@@ -321,14 +321,20 @@ def check_batch(env_id: str, scenario: str, mode: str, worlds: int = 8, decision
         mode: of the automatic resets: ``"NextStep"`` or ``"SameStep"``.
         worlds: of the batch.
         decisions: steps.
+        **kwargs: of the environments, both kinds (``perception``, ...).
 
     Raises:
         ContractError: something differs.
     """
     batch = gym.make_vec(
-        env_id, num_envs=worlds, vectorization_mode="vector_entry_point", scenario=scenario, autoreset_mode=mode
+        env_id,
+        num_envs=worlds,
+        vectorization_mode="vector_entry_point",
+        scenario=scenario,
+        autoreset_mode=mode,
+        **kwargs,
     )
-    singles = [_single(task(env_id), scenario=scenario) for _ in range(worlds)]
+    singles = [_single(task(env_id), scenario=scenario, **kwargs) for _ in range(worlds)]
     together, info = batch.reset(seed=100)
     apart = [env.reset(seed=100 + i) for i, env in enumerate(singles)]
     over = np.zeros(worlds, bool)

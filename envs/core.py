@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
@@ -68,8 +69,6 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
         machine_features: what policies are shown of the machine.
         candidate_features: what policies are shown of each candidate; the first says whether the slot is taken.
         field_type: what a field of this task is.
-        replaced: names of attributes that ``load`` replaces as a whole, beside the arrays that the rules work on; an
-            environment's state holds them too.
     """
 
     config: Any
@@ -81,13 +80,28 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     field_type: type[Field]
     observation_space: spaces.Dict
     action_space: spaces.Discrete
-    replaced: tuple[str, ...] = ()
 
     def __init__(self, worlds: int):
         """Prepare ``worlds`` worlds; each must be reset before its first plan."""
         if isinstance(worlds, bool) or not isinstance(worlds, int | np.integer) or worlds < 1:
             raise ValueError(f"num_envs = {worlds!r}: give at least 1 world")
         self.worlds = int(worlds)
+
+    def world(self, row: int) -> TaskCore[PlanT, OutcomeT]:
+        """The world ``row`` as rules of one world, which work on the same arrays: what is done to one is done to both.
+
+        Arrays of a batch of rules, its own and those of its ``state``, have a leading world axis and are written to,
+        never replaced.
+        """
+        one, here = copy.copy(self), slice(row, row + 1)
+        one.worlds = 1
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                setattr(one, name, value[here])
+        state = getattr(self, "state", None)
+        if state is not None:
+            one.state = type(state)(*(values[here] for values in state))  # type: ignore[attr-defined]
+        return one
 
     def draw_field(self, generator: np.random.Generator) -> Any:
         """The field that a world with this generator gets; a task overrides this, or ``draw`` for many at once."""
@@ -229,6 +243,13 @@ class View(Protocol[PlanIn]):
 
     def sense(self) -> None:
         """Hand the rules a camera's reports where a look is due."""
+        ...
+
+    def attend(self, action: int) -> None:
+        """Look at what an action is about to work on, where the machine has a camera for it."""
+
+    def beside(self, core: Any) -> View[PlanIn]:
+        """The view of another world, which shares this one's meshes."""
         ...
 
     def frame(self) -> NDArray[np.uint8]:

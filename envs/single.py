@@ -181,6 +181,8 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
         self._actions[0] = self._checked(action)
+        if self._sensing:
+            self.view.attend(int(self._actions[0]))
         plan = self.core.plan(self._actions)
         result = self.core.apply(plan, self.executor.execute(plan))
         if self._on_frame is not None or self.render_mode == "human":

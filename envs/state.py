@@ -26,7 +26,6 @@ class State:
         config: of the environment; only an equal one takes the state.
         perception: likewise.
         arrays: of the rules by name, each with a leading world axis.
-        kept: what the rules hold beside their arrays, see ``TaskCore.replaced``.
         chance: of every world, the state of its generator and its seed.
         remembered: what the environment itself remembers, by name.
     """
@@ -34,7 +33,6 @@ class State:
     config: Any
     perception: str
     arrays: Mapping[str, NDArray[Any]]
-    kept: Mapping[str, Any]
     chance: tuple[tuple[Mapping[str, Any], int | None], ...]
     remembered: Mapping[str, Any]
 
@@ -57,8 +55,7 @@ def taken(
     arrays = {name: values.copy() for name, values in held(core).items()}
     for values in arrays.values():
         values.flags.writeable = False
-    kept = {name: getattr(core, name) for name in core.replaced}
-    return State(core.config, perception, arrays, kept, chance, remembered)
+    return State(core.config, perception, arrays, chance, remembered)
 
 
 def check(state: Any, core: TaskCore[Any, Any], perception: str, remembered: tuple[str, ...]) -> None:
@@ -93,8 +90,6 @@ def put(state: State, core: TaskCore[Any, Any]) -> None:
     """Let rules stand where a checked state stands; for those who follow them it is another episode."""
     for name, values in held(core).items():
         values[...] = state.arrays[name]
-    for name, value in state.kept.items():
-        setattr(core, name, value)
     episode = getattr(core, _EPISODE, None)
     if isinstance(episode, np.ndarray):
         episode += 1

@@ -16,6 +16,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from .assembly import BACKENDS, Assembly, choice
+from .cameras import Cameras
 from .core import Array, NominalExecutor, OutcomeT, PlanT, TaskCore
 from .ended import Ended
 from .named import NamedColumns
@@ -40,7 +41,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         num_envs: number of worlds.
         scenario: as in ``TaskEnv``, like all arguments that are not named here.
         backend: ``"analytic"``.
-        perception: ``"model"`` or ``"perfect"``.
+        perception: ``"model"``, ``"perfect"`` or ``"camera"``: every world has its cameras, they draw the same meshes.
         config: see ``scenario``.
         overrides: see ``scenario``.
         autoreset_mode: ``NEXT_STEP`` (Gymnasium's default: the step after an episode's end ignores the action and
@@ -72,10 +73,12 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         **settings: Any,
     ):
         """Put the parts together."""
+        given = settings
         parts, settings = self.equipped(settings)
         perception = _batched(parts, backend, perception, render_mode)
         config = parts.configured(scenario, config, overrides, settings)
         self.backend, self.perception, self.scenario = backend, perception, parts.name_of(config.scenario)
+        self._equipment = {name: value for name, value in given.items() if name not in settings}
         core: TaskCore[PlanT, OutcomeT] = parts.core(config, parts.perception_model(perception, config), num_envs)
         self.core, self.executor = core, NominalExecutor(core)
         self.num_envs = core.worlds
@@ -91,6 +94,26 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self._ready, self._ended = False, Ended()
         self._named: dict[str, tuple[Any, ...]] = {}
         self._mask = np.zeros((core.worlds, int(core.action_space.n)), np.int8)
+        self._cameras = self._equip()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy takes over: all but the cameras, which look at the worlds of this one."""
+        return {**vars(self), "_cameras": None, "_copied": self._cameras.played if self._cameras else []}
+
+    def __setstate__(self, copied: dict[str, Any]) -> None:
+        """Become a copy, with cameras that have seen the same."""
+        vars(self).update(copied)
+        played = vars(self).pop("_copied")
+        self._cameras = None if self.closed else self._equip()
+        if self._cameras:
+            self._cameras.play_again(played)
+
+    def _equip(self) -> Cameras | None:
+        if self.perception != "camera":
+            return None
+        parts, _ = self.equipped(dict(self._equipment))
+        assert parts.view is not None  # without one there is no such perception
+        return Cameras(self.core, parts.view)
 
     @classmethod
     def equipped(cls, settings: dict[str, Any]) -> tuple[Assembly[Any], dict[str, Any]]:
@@ -141,9 +164,16 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             gymnasium.error.ResetNeeded: a world was not reset yet.
             gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
-        plan = self.core.plan(self._checked(actions))
+        chosen = self._checked(actions)
+        # What is over has begun anew with SAME_STEP, else nobody looks at it.
+        awake = np.ones_like(self._over) if self.autoreset_mode is AutoresetMode.SAME_STEP else ~self._over
+        if self._cameras:
+            self._cameras.attend(awake, chosen)
+        plan = self.core.plan(chosen)
         result = self.core.apply(plan, self.executor.execute(plan))
         terms, phases, terminated, truncated = result
+        if self._cameras:
+            self._cameras.sense(awake)
         extra: dict[str, Any] = {}
         resting = self.autoreset_mode is AutoresetMode.DISABLED
         if resting and self._over.any():
@@ -188,10 +218,11 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self._refuse_unready()
         chance = ((g.bit_generator.state, seed) for g, seed in zip(self._generators, self._seeds, strict=True) if g)
         remembered = {name: copy.deepcopy(getattr(self, name)) for name in _REMEMBERED}
+        remembered |= {"_played": tuple(self._cameras.played) if self._cameras else ()}
         return taken(self.core, self.perception, tuple(chance), remembered)
 
     def set_state(self, state: State) -> tuple[Observation, dict[str, Any]]:
-        """Stand where a state was taken, the chance of later episodes included.
+        """Stand where a state was taken, the chance of later episodes included; see ``TaskEnv.set_state``.
 
         Returns:
             Observation and info as of a reset.
@@ -200,13 +231,18 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             ValueError: the state is of another configuration, perception, number of worlds or kind.
         """
         refuse_closed(self.closed)
-        check(state, self.core, self.perception, _REMEMBERED)
+        check(state, self.core, self.perception, (*_REMEMBERED, "_played"))
         for row, (chance, seed) in enumerate(state.chance):
             generator, _ = seeding.np_random(0)
             generator.bit_generator.state = chance
             self._generators[row], self._seeds[row] = generator, -1 if seed is None else seed
-        put(state, self.core)
-        vars(self).update(copy.deepcopy(dict(state.remembered)))
+        remembered = copy.deepcopy(dict(state.remembered))
+        played = remembered.pop("_played")
+        if self._cameras:
+            self._cameras.play_again(played)
+        else:
+            put(state, self.core)
+        vars(self).update(remembered)
         self._ready = True
         self.executor.reset_rows(np.arange(self.num_envs))
         observation = self._observe()
@@ -268,20 +304,25 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         return tuple(self._generators)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free what the executor holds."""
+        """Free what executor and cameras hold."""
         self.executor.close()
+        if self._cameras:
+            self._cameras.close()
 
     def _restart(self, rows: NDArray[np.int64], fields: Any = None) -> None:
         generators = [g for g in (self._generators[row] for row in rows) if g is not None]
+        begun: Sequence[Any] = [g.bit_generator.state for g in generators] if self._cameras else []
         if fields is None:
             self.core.reset_rows(rows, generators)
         else:
             if isinstance(fields, str) or not isinstance(fields, Sequence) or len(fields) != len(rows):
                 raise ValueError(f"fields must be a list of {len(rows)} fields or files, one a world that is reset")
             pairs = zip(fields, generators, strict=True)
-            whole = [completed(self.core, field, generator) for field, generator in pairs]
+            whole = begun = [completed(self.core, field, generator) for field, generator in pairs]
             self.core.load(rows, self.core.stack(whole))
         self.executor.reset_rows(rows)
+        if self._cameras:
+            self._cameras.begin(rows, begun)
 
     def _refuse_unready(self) -> None:
         """Refuse to go on after ``close``, and while a world was never reset."""
@@ -346,13 +387,11 @@ def _batched(parts: Assembly[Any], backend: str, perception: str | None, render_
     """Perception of a batch, once it is clear that what was asked for can be batched.
 
     Raises:
-        ValueError: an argument is unknown, or needs a machine, a camera or a picture a world.
+        ValueError: an argument is unknown, or needs a machine or a picture a world.
     """
     if choice("backend", backend, BACKENDS) != "analytic":
         raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
     chosen = choice("perception", perception or parts.default_perception(backend), parts.perceptions)
-    if chosen == "camera":
-        raise ValueError('perception = \'camera\' is not batched: use "model", or vectorization_mode="async"')
     if render_mode is not None:
         raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
     return chosen

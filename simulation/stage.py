@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal
+import copy
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ from ..rendering.library import MeshLibrary
 from ..rendering.renderer import GroundLook, Look, Renderer
 
 Engine = Literal["own", "tiny"]
+SceneT = TypeVar("SceneT", bound="Scene")
 
 
 class Stage:
@@ -31,6 +33,12 @@ class Stage:
         self._all: Instances | None = None
         self._casters: Instances | None = None
         self._open = True
+
+    def another(self) -> Stage:
+        """A stage with the same meshes that shows what this one shows, until either is changed."""
+        one = copy.copy(self)
+        one._groups, one._shadowless = dict(self._groups), set(self._shadowless)
+        return one
 
     def put(self, group: str, things: Instances, *, shadow: bool = True) -> None:
         """Have these in a group, and nothing else; marks for people throw no ``shadow``.
@@ -117,3 +125,23 @@ class Stage:
     def _require_open(self) -> None:
         if not self._open:
             raise RuntimeError("the scene is closed: make a new one")
+
+
+class Scene:
+    """What a task's scenes share. What they hold is replaced, never written to, so that one may become two.
+
+    Attributes:
+        stage: what is drawn.
+    """
+
+    stage: Stage
+
+    def another(self: SceneT) -> SceneT:
+        """A scene with the same meshes, for another world."""
+        one = copy.copy(self)
+        one.stage = self.stage.another()
+        return one
+
+    def close(self) -> None:
+        """Look no more; idempotent."""
+        self.stage.close()

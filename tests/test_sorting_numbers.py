@@ -357,7 +357,6 @@ FAR_BINS: Any = ((0.0, 0.4),) * 4
         (lambda: gym.make(ID, perception="lidar"), "perception"),
         (lambda: gym.make(ID, slots=0), "slots"),
         (lambda: gym.make_vec(ID, num_envs=2, backend="pybullet"), "batched"),
-        (lambda: gym.make_vec(ID, num_envs=2, perception="camera"), "batched"),
         (lambda: ScenarioConfig(-1.0), "load"),
         (lambda: ScenarioConfig(1.0, clump=0.5), "clump"),
         (lambda: ScenarioConfig(1.6, clump=9.0, clump_gap_s=3.0), "clump_gap_s"),

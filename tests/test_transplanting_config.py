@@ -38,7 +38,6 @@ SHORT: Any = ((1.0, 0.0, 0.0),) * 2, ((1.0, 0.0, 0.0),) * 3
         (lambda: gym.make(ID, perception="lidar"), "perception"),
         (lambda: gym.make_vec(ID, num_envs=0), "num_envs"),
         (lambda: gym.make_vec(ID, num_envs=2, backend="pybullet"), "batched"),
-        (lambda: gym.make_vec(ID, num_envs=2, perception="camera"), "batched"),
         (lambda: Tray(10, 20, 0.03), "columns"),
         (lambda: replace(SCENARIOS["fill"], vacancy=1.2), "vacancy"),
         (lambda: replace(SCENARIOS["fill"], target_trays=0), "target_trays"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,12 +79,24 @@ class Tracks:
     first: NDArray[np.int64]
 
 
+PartT = TypeVar("PartT", Heads, Plants, Tracks)
+
+
+def _row(part: PartT, at: int) -> PartT:
+    return type(part)(*(values[at : at + 1] for values in vars(part).values()))
+
+
 class Batch(NamedTuple):
     """Fields of R worlds; ``tracks`` is None where a camera still has to look."""
 
     heads: Heads
     plants: Plants
     tracks: Tracks | None
+
+    def row(self, at: int) -> Batch:
+        """One of the fields, as a batch of one that shares the arrays."""
+        tracks = None if self.tracks is None else _row(self.tracks, at)
+        return Batch(_row(self.heads, at), _row(self.plants, at), tracks)
 
 
 def stop_centres(scenario: ScenarioConfig) -> Array:

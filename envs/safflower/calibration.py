@@ -56,7 +56,7 @@ class Tally:
         half = 0.5 * scenario.window_m
         centre = core.tables.stop_pose[stop, 0]
         here = np.abs(blooms.position[:, 0] - centre) <= half
-        true = core.loaded.heads
+        true = core.shown().heads
         heads = np.flatnonzero(true.exists[0])
         truth = core.state.head_position[0, heads] + core.frame
         inside = np.abs(truth[:, 0] - centre) <= half

@@ -38,7 +38,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         worlds: number of worlds B.
 
     Attributes:
-        loaded: the fields that came last: with one world, what pictures show.
+        loaded: (B,), for each world the batch that its field came in, and the field's row there.
     """
 
     reward_names = names(Rewards)
@@ -47,21 +47,29 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     machine_features = names(Machine)
     candidate_features = names(Candidate)
     field_type = SafflowerField
-    replaced = ("loaded",)
 
     def __init__(self, config: SafflowerConfig, perception: PerceptionModel | None, worlds: int = 1):
         """Allocate the state."""
         super().__init__(worlds)
         self.config, self.perception = config, perception
-        scenario, picker, k = config.scenario, config.machine.picker, config.slots
+        k = config.slots
         self.action_space = spaces.Discrete(DRIVE * k + 1)
         self.observation_space = observation_space(self, k, DRIVE * k + 1, LIMIT)
         self.tables = tables_of(config, perception is None)
         self.state = empty_worlds(config, worlds)
-        # World (along, across, up) of the arm plane's (cart, u, v) = 0.
-        self.frame = np.array([0.0, -0.5 * picker.five_bar.base_m, scenario.motor_height_m])
-        self.loaded: Batch | None = None
+        self.loaded: NDArray[np.object_] = np.full(worlds, None, object)
         self.episode = np.zeros(worlds, np.int64)
+
+    @property
+    def frame(self) -> Array:
+        """World (along, across, up) of the arm plane's (cart, u, v) = 0."""
+        machine, scenario = self.config.machine, self.config.scenario
+        return np.array([0.0, -0.5 * machine.picker.five_bar.base_m, scenario.motor_height_m])
+
+    def shown(self, row: int = 0) -> Batch:
+        """The field that a world stands in, as a batch of one: what pictures show."""
+        batch, at = self.loaded[row]
+        return batch.row(at)
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw fields and what the statistical camera reports of them."""
@@ -87,7 +95,9 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def load(self, rows: Rows, batch: Batch) -> None:
         """Put fields into ``rows`` and the carts at their first stop, reports taken."""
         state = self.state
-        self.loaded, (heads, _, tracks) = batch, batch
+        heads, _, tracks = batch
+        for at, row in enumerate(rows.tolist()):
+            self.loaded[row] = batch, at
         state.head_position[rows, :-1] = heads.position - self.frame
         state.head_stage[rows, :-1] = heads.stage
         state.head_mass_g[rows, :-1] = heads.mass_g

@@ -22,7 +22,7 @@ from ...simulation.picker_model import (
     picker_joints,
     picker_robot,
 )
-from ...simulation.stage import Engine, Stage
+from ...simulation.stage import Engine, Scene, Stage
 from ..core import Array
 
 GREEN, LEAF, STALK = (0.42, 0.56, 0.24, 1.0), (0.25, 0.44, 0.19, 1.0), (0.48, 0.58, 0.30, 1.0)
@@ -74,7 +74,7 @@ class Looks:
     potted: bool
 
 
-class PickerScene:
+class PickerScene(Scene):
     """Draws a field and the picker in it.
 
     Attributes:
@@ -123,7 +123,7 @@ class PickerScene:
 
     def set_picked(self, head: int) -> None:
         """Take the filaments off a head."""
-        self._standing &= self._tufts.identity != head
+        self._standing = self._standing & (self._tufts.identity != head)
         self._show_field()
 
     def look(self, engine: Engine = "own") -> Frame:
@@ -138,10 +138,6 @@ class PickerScene:
         camera = Camera(width, height, np.deg2rad(38.0), 0.1, 12.0)
         middle = np.array([self._cart_x_m + 0.08, 0.0, 0.5 * self.parameters.motor_height_m + 0.18])
         return self.stage.picture(camera, middle + np.array([0.62, -2.15, 0.80]), middle, middle)
-
-    def close(self) -> None:
-        """Look no more; idempotent."""
-        self.stage.close()
 
     def _show_field(self) -> None:
         """Show the stretch of the field that the machine is in."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...perception import blooms
 from ...perception.frames import Frame
-from ..core import Array, StepResult
+from ..core import Array, StepResult, View
 from .batch import fixed_order, stop_centres
 from .core import SafflowerCore
 from .machine import picker_parameters, trajectory
@@ -21,17 +21,21 @@ MATCH_RADIUS_M = 0.025
 """A report farther than this from every head is counted as false."""
 
 
-class PickerView:
+class PickerView(View[PickerPlan]):
     """Scene of one world of the rules; follows the rules' state by itself."""
 
-    def __init__(self, core: SafflowerCore):
-        """Build the scene; its plants come with the first look or picture."""
+    def __init__(self, core: SafflowerCore, scene: PickerScene | None = None):
+        """Build the scene, where none is given; its plants come with the first look or picture."""
         self._core = core
-        self._scene = PickerScene(picker_parameters(core.config))
+        self._scene = scene or PickerScene(picker_parameters(core.config))
         self._centres = stop_centres(core.config.scenario)
         self._episode = -1
         self._shown = np.zeros(0, np.int64)
         self._picked: set[int] = set()
+
+    def beside(self, core: SafflowerCore) -> PickerView:
+        """See ``View.beside``."""
+        return PickerView(core, self._scene.another())
 
     def sense(self) -> None:
         """Where a look is due, render the stop, segment it and hand its reports to the rules in the fixed order."""
@@ -97,8 +101,7 @@ class PickerView:
         if self._episode == core.episode[0]:
             return
         self._episode = int(core.episode[0])
-        assert core.loaded is not None  # an episode has begun
-        heads, plants, _ = core.loaded
+        heads, plants, _ = core.shown()
         self._shown = shown = np.flatnonzero(heads.exists[0])
         self._picked.clear()
         there = slice(int(plants.count[0]))

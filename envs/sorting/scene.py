@@ -15,7 +15,7 @@ from ...rendering.library import MeshLibrary
 from ...rendering.shapes import Mesh, box, ellipsoid, merged, rotation_z, turned
 from ...simulation.prrs_looks import PrrsLooks
 from ...simulation.prrs_model import GANTRY_LEVEL_M
-from ...simulation.stage import Engine, Stage
+from ...simulation.stage import Engine, Scene, Stage
 from ..core import Array
 from .config import GRADES, BeltConfig, SortingConfig
 
@@ -61,7 +61,7 @@ def item_colour(fruit: bool, ripeness: float, shade: float) -> tuple[float, floa
     return (round(red, 3), round(green, 3), round(blue, 3), 1.0)
 
 
-class SorterScene:
+class SorterScene(Scene):
     """Draws the cell.
 
     Attributes:
@@ -115,10 +115,6 @@ class SorterScene:
         camera = Camera(width, height, np.deg2rad(41.0), 0.1, 12.0)
         middle = np.array([-0.10, 0.0, self._top + 0.23])
         return self.stage.picture(camera, middle + np.array([0.72, -1.15, 0.72]), middle, (-0.1, 0.0, self._top))
-
-    def close(self) -> None:
-        """Look no more; idempotent."""
-        self.stage.close()
 
     def _build(self, library: MeshLibrary, belt: BeltConfig, origin_m: float) -> Instances:
         """Belt, gantry, camera, floor and bins; adds the meshes of ribs and pads, which move."""

@@ -12,7 +12,7 @@ from ...perception.frames import Frame
 from ...perception.produce import Belt, Produce, ProduceSettings, detect
 from ...rendering.noise import add_noise, stream
 from ..columns import names
-from ..core import Array, StepResult
+from ..core import Array, StepResult, View
 from .columns import ITEM, PHASE, REWARD, Report
 from .core import SortingCore
 from .drawing import FRUIT
@@ -43,18 +43,22 @@ def sensor_noise(frame: Frame, seed: int, number: int) -> Frame:
     return Frame(rgb, depth, frame.camera)
 
 
-class SorterView:
+class SorterView(View[SorterPlan]):
     """Scene of one world of the rules; follows the rules' state by itself."""
 
-    def __init__(self, core: SortingCore):
-        """Build the scene."""
+    def __init__(self, core: SortingCore, scene: SorterScene | None = None):
+        """Build the scene, where none is given."""
         self._core, self._config = core, core.config
-        self._scene = SorterScene(core.config)
+        self._scene = scene or SorterScene(core.config)
         self._settings = ProduceSettings(ware_from_m=core.config.produce.ware_from_m)
         self._episode, self._frames = -1, 0
         self._free = np.zeros(0, bool)
         self._binned: list[tuple[int, ShownItem]] = []
         self._in_bin = np.zeros(4, np.int64)
+
+    def beside(self, core: SortingCore) -> SorterView:
+        """See ``View.beside``."""
+        return SorterView(core, self._scene.another())
 
     def sense(self) -> None:
         """Take the images that were due since the last look and hand their reports to the rules."""

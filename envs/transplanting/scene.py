@@ -15,7 +15,7 @@ from ...rendering.library import MeshLibrary
 from ...rendering.plants import whorl
 from ...rendering.shapes import Mesh, box, flat_shaded, merged, surface_of_revolution, tube, turned
 from ...simulation.looks import MachineLooks
-from ...simulation.stage import Engine, Stage
+from ...simulation.stage import Engine, Scene, Stage
 from ...simulation.transplanter_model import (
     TransplanterParameters,
     looks_joints,
@@ -84,7 +84,7 @@ class TrayLine:
         return which * (self.tray.length_m + self.gap_m) + number * self.tray.pitch_m
 
 
-class TrayScene:
+class TrayScene(Scene):
     """Draws two conveyors with trays and the transplanter over them.
 
     Attributes:
@@ -185,10 +185,6 @@ class TrayScene:
         middle = np.array([-0.02, 0.0, 1.18])
         return self.stage.picture(camera, np.array([1.45, 0.80, 1.95]), middle, np.array([0.1, 0.0, TRAY_TOP_M]))
 
-    def close(self) -> None:
-        """Look no more; idempotent."""
-        self.stage.close()
-
     def _laid(self, side: Side, travel_m: float, low_m: float, high_m: float) -> Instances:
         """What lies on a conveyor between two places along it."""
         line = self._lines[side]
@@ -214,7 +210,8 @@ class TrayScene:
             row, column = np.nonzero(~((line.cells == EMPTY) & line.hollow))
             top = np.column_stack([-line.offsets_m()[row], across[column], np.full(len(row), TRAY_TOP_M - 0.002)])
             number = row * kind.columns + column
-            self._grown[side] = key, self._planted(top, line.cells[row, column], line.looks[row, column], number)
+            grown = self._planted(top, line.cells[row, column], line.looks[row, column], number)
+            self._grown = {**self._grown, side: (key, grown)}
         return self._grown[side][1]
 
     def _planted(self, top_m: Array, content: NDArray[np.integer], look: Array, number: NDArray[np.int64]) -> Instances:

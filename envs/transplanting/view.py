@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...motion import QUINTIC
 from ...perception import trays
-from ..core import Array, StepResult
+from ..core import Array, StepResult, View
 from .config import EMPTY
 from .core import TransplantingCore
 from .machine import Move, Trajectories, moves
@@ -20,13 +20,13 @@ _NEEDLES_S = 0.06
 """Time in which a picture shows the needles closing."""
 
 
-class TransplantView:
+class TransplantView(View[TransplantPlan]):
     """Scene of one world of the rules; follows the rules' state by itself."""
 
-    def __init__(self, core: TransplantingCore):
-        """Build the scene; its trays come with the first look or picture."""
+    def __init__(self, core: TransplantingCore, scene: TrayScene | None = None):
+        """Build the scene, where none is given; its trays come with the first look or picture."""
         self._core = core
-        self._scene = TrayScene(core.config)
+        self._scene = scene or TrayScene(core.config)
         self._trajectories = Trajectories(core.config, core.places)
         self._episode = -1
         self._clock: _Clock | None = None
@@ -35,6 +35,10 @@ class TransplantView:
         self._offsets: dict[Side, Array] = {}
         self._row: dict[Side, int] = {}
         self._travel: dict[Side, float] = {}
+
+    def beside(self, core: TransplantingCore) -> TransplantView:
+        """See ``View.beside``."""
+        return TransplantView(core, self._scene.another())
 
     def sense(self) -> None:
         """Where a look is due, render the rows that came in, classify their cells and hand the rules the reports."""

@@ -9,7 +9,7 @@ from ...perception.frames import Camera, Frame
 from ...rendering.instances import Instances, about_z, instances, joined
 from ...rendering.renderer import GroundLook
 from ...rendering.shapes import box, frustum, surface_of_revolution
-from ...simulation.stage import Engine, Stage
+from ...simulation.stage import Engine, Scene, Stage
 from ..core import Array
 from .config import FieldTask
 from .seedlings import crop_mesh, weed_mesh
@@ -32,7 +32,7 @@ _SENSOR_NOISE = 4.0
 _SHADE = 0.55
 
 
-class FieldScene:
+class FieldScene(Scene):
     """Draws one strip. Tools add their machine.
 
     Attributes:
@@ -131,10 +131,6 @@ class FieldScene:
         """Show people what the front camera sees from a cart position."""
         place = (cart_m + self.config.cart.camera_ahead_m, 0.0, self._eye_m)
         self.stage.put("sight", instances(self._front_frustum, place, None, FRONT_SIGHT), shadow=False)
-
-    def close(self) -> None:
-        """Look no more; idempotent."""
-        self.stage.close()
 
     def look_down(self, camera: Camera, eye: Array, target: Array, engine: Engine = "own") -> Frame:
         """What a camera over the ground sees from ``eye`` (3,) towards ``target`` (3,), its noise included."""

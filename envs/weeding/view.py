@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...perception.weeds import Seedlings, WeedTracker, detect
-from ..core import Array, StepResult
+from ..core import Array, StepResult, View
 from .core import WeedingCore
 from .scene import FieldScene
 from .state import MODES, WAIT, WeederPlan
@@ -80,7 +80,7 @@ Show = Callable[[SceneT], None]
 """Puts the machine of a scene where it is at some time."""
 
 
-class FieldView(ABC, Generic[SceneT]):
+class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
     """Scenes of one world of the rules; follows the rules' state by itself. Each tool adds its machine.
 
     Attributes:
@@ -98,6 +98,12 @@ class FieldView(ABC, Generic[SceneT]):
         self._marks: list[Array] = []
         self._shown_dead = np.zeros(0, bool)
         self._focus: Array | None = None
+
+    def beside(self, core: WeedingCore) -> FieldView[SceneT]:
+        """See ``View.beside``."""
+        one = type(self)(core)
+        one._eyes = self.camera_scene().another()
+        return one
 
     @abstractmethod
     def make_scene(self) -> SceneT:
@@ -139,16 +145,19 @@ class FieldView(ABC, Generic[SceneT]):
         done = crop | np.array([t.treated or t.is_doubtful for t in listed], bool) | (np.abs(place[:, G.across]) > half)
         core.receive(0, place, votes.sum(axis=2).argmax(axis=1), votes.sum(axis=1).argmax(axis=1), gap, done)
 
-    def attend(self, action: int) -> int | None:
-        """Note which plant an action works on; gives its track among the listed ones, None where it works on none."""
+    def attend(self, action: int) -> None:
+        """Note which plant an action works on, and look at it where the tool has a camera of its own."""
         core = self.core
         option = action % core.base_actions
         if option == core.base_actions - 1 or not core.option_legal(0, option) or self._front is None:
-            return None
+            return
         index = int(core.state.slot_track[0, option // MODES])
         self._front.tracker.tracks[self._listed[index]].treated = True
         self.treat_near(core.state.track_report[0, index])
-        return index
+        self.aim_at(index)
+
+    def aim_at(self, index: int) -> None:
+        """Correct the aim at a listed track; without a camera beside the tool nothing is."""
 
     def treat_near(self, place: Array) -> None:
         """A plant that fell apart in the front camera's pictures has several tracks: one treatment is for them all."""

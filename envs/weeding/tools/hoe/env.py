@@ -6,10 +6,10 @@ from typing import Any
 
 from ....assembly import Assembly, choice
 from ....references import later, resolved
+from ....single import TaskEnv
 from ....vector import TaskVectorEnv
 from ...config import SCENARIOS
 from ...core import WeederOutcome, WeedingCore
-from ...env import WeedingEnv
 from ...perception import PerceptionModel, uncorrected
 from ...state import WeederPlan
 from .arm import HoeArm
@@ -38,7 +38,7 @@ TOOLS: dict[str, Any] = {"hoe": HOE, "laser": "fieldgym.envs.weeding.tools.laser
 """What the cart may carry: an ``Assembly``, or where it stands."""
 
 
-class HoeWeedingEnv(WeedingEnv):
+class HoeWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
     """Uproot weeds with a hoe from a cart that never stops (``fieldgym/HoeWeeding-v0``).
 
     The field of ``fieldgym/LaserWeeding-v0`` with another tool: under the cart hangs a 3-PRRS platform (Du, Guo, Niu)

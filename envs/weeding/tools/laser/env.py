@@ -7,10 +7,10 @@ from typing import Any
 
 from ....assembly import Assembly
 from ....references import later
+from ....single import TaskEnv
 from ....vector import TaskVectorEnv
 from ...config import SCENARIOS
 from ...core import WeederOutcome, WeedingCore
-from ...env import WeedingEnv
 from ...perception import PerceptionModel
 from ...state import WeederPlan
 from .aim import LaserArm
@@ -37,7 +37,7 @@ LASER: Assembly[Any] = Assembly(
 )
 
 
-class LaserWeedingEnv(WeedingEnv):
+class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
     """Burn weeds from a cart that never stops (``fieldgym/LaserWeeding-v0``).
 
     A cart drives along a crop row at a constant speed. A front camera finds plants, tracks carry them to the tool; a

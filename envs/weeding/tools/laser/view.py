@@ -48,15 +48,12 @@ class WeederView(FieldView[WeederScene]):
         for x, coordinates, on in zip(cart.tolist(), beam, burns.tolist(), strict=True):
             yield self._show(x, coordinates, on)
 
-    def attend(self, action: int) -> int | None:
+    def aim_at(self, index: int) -> None:
         """Have the tool camera look at the weed that an action fires at, and correct the rules' aim."""
-        index = super().attend(action)
-        if index is not None:
-            aim = self.tool_aim(self.core.state.track_report[0, index])
-            if aim is not None:
-                self.core.correct(0, index, aim)
-                self.treat_near(aim)
-        return index
+        aim = self.tool_aim(self.core.state.track_report[0, index])
+        if aim is not None:
+            self.core.correct(0, index, aim)
+            self.treat_near(aim)
 
     def tool_aim(self, told: Array) -> Array | None:
         """Where the tool camera sees the plant that it was sent to, (2,), or None."""
