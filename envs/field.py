@@ -138,6 +138,13 @@ def flag(doc: str, fill: float | None = None) -> Any:
     return dataclass_field(metadata={"column": Column(bool, 0, 1, "", doc, fill=fill)})
 
 
+def repeated(values: NDArray[Any]) -> Flags:
+    """Rows (n, k) that were there before."""
+    again = np.ones(len(values), bool)
+    again[np.unique(values, axis=0, return_index=True)[1]] = False
+    return again
+
+
 @dataclass(frozen=True, eq=False)
 class Table:
     """Rows of one kind: arrays of one length, one a column. Subclasses declare their columns."""
@@ -204,6 +211,38 @@ class Table:
                 drawn = generator.standard_normal(len(values))
             changes[name] = np.where(missing, drawn, values)
         return replace(self, **changes) if changes else self
+
+    def given(self: TableT, **others: Any) -> TableT:
+        """The table with other values, one or one a row, where none were given, by column."""
+        mine = {name: getattr(self, name) for name in others}
+        missing = {name: self.columns()[name].missing(values) for name, values in mine.items()}
+        return replace(self, **{name: np.where(missing[name], other, mine[name]) for name, other in others.items()})
+
+    def refuse(self, kind: str, wrong: Flags, column: str, advice: str) -> None:
+        """Raise the error for the first row that is wrong (n,), where one is; ``kind`` is what the field calls it.
+
+        Raises:
+            FieldError: a row is wrong.
+        """
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            value, suffix = getattr(self, column)[row], self.columns()[column].suffix
+            raise FieldError(f"{column} = {value:.10g}{suffix}: {advice}", kind, row, column)
+
+    def keep_within(self, kind: str, column: str, low: float, high: float, what: str) -> None:
+        """``refuse`` the rows beyond a column's limits, which are those of ``what``."""
+        values = getattr(self, column)
+        advice = f"outside the {what}, give {low:g} to {high:g}{self.columns()[column].suffix}"
+        self.refuse(kind, (values < low) | (values > high), column, advice)
+
+    def keep_to(self, kind: str, most: int, advice: str) -> None:
+        """Refuse more rows than there is room for.
+
+        Raises:
+            FieldError: there are more.
+        """
+        if len(self) > most:
+            raise FieldError(f"the scenario has room for {most} {kind}: {advice}, or leave some out", kind, most)
 
 
 @dataclass(frozen=True, eq=False)

@@ -132,11 +132,14 @@ def test_what_is_given_is_kept():
             "heads 2: slot = 3: another head",
         ),
         (SafflowerField(heads((np.nan, 0.0, 0.8))), "heads 1: along_m is missing"),
-        (SafflowerField(heads(*((0.01 * i, 0.0, 0.8) for i in range(61)))), "61 heads: the scenario has room for 60"),
+        (
+            SafflowerField(heads(*((0.01 * i, 0.0, 0.8) for i in range(61)))),
+            "heads 61: the scenario has room for 60",
+        ),
         (SafflowerField(Heads.empty(), Plants.empty(16)), "plants 1: along_m is missing"),
         (
             SafflowerField(Heads.empty(), replace(Plants.empty(16), along_m=np.zeros(16))),
-            "16 plants: the scenario has room for 15",
+            "plants 16: the scenario has room for 15 plants",
         ),
         (
             SafflowerField(heads((0.0, 0.0, 0.8)), reports=reports([0.0], [0.0], [0.8], [1], [0.05], [1])),
@@ -144,7 +147,7 @@ def test_what_is_given_is_kept():
         ),
         (
             SafflowerField(heads((0.0, 0.0, 0.8)), reports=reports(*([np.zeros(81)] * 3), *([np.zeros(81, int)] * 3))),
-            "81 reports: the scenario has room for 80",
+            "reports 81: the scenario has room for 80 reports",
         ),
         (7, "field is a int: this task takes a SafflowerField"),
     ],

@@ -215,8 +215,8 @@ def test_reports_are_made_by_the_camera_that_is_there():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"across_m": [0.0, 0.3, 0.0]}, "items 2: across_m = 0.3 m: give -0.14 to 0.14 m, on the belt"),
-        ({"passing_s": [2.0, 4.0, 900.0]}, "items 3: passing_s = 900 s: give -3.667 to"),
+        ({"across_m": [0.0, 0.3, 0.0]}, "items 2: across_m = 0.3 m: outside the belt, give -0.14 to 0.14 m"),
+        ({"passing_s": [2.0, 4.0, 900.0]}, "items 3: passing_s = 900 s: outside the episode, give -3.66667 to"),
         ({"passing_s": [-20.0, 4.0, 9.0]}, "items 1: passing_s = -20 s"),
         ({"passing_s": [4.0, 4.0, 9.0], "across_m": [0.0, 0.0, 0.0]}, "items 2: lies where items 1 does"),
         ({"grade": [0, ABSENT, 1]}, "items 2: grade is missing"),
@@ -235,11 +235,11 @@ def test_too_many_are_named():
     core = SortingCore(SortingConfig(), PerceptionModel.perfect(), 1)
     field = core.draw_field(np.random.default_rng(0))
     small = SortingCore(override(SortingConfig(), {"scenario.stream_s": 20.0}), PerceptionModel.perfect(), 1)
-    with pytest.raises(FieldError, match=r"there are \d+ items and room for \d+: raise load or stream_s"):
+    with pytest.raises(FieldError, match=r"items \d+: the scenario has room for \d+ items: raise load or stream_s"):
         small.complete(field, np.random.default_rng(0))
     assert field.reports is not None
     double = [np.concatenate([values, values]) for values in field.reports.arrays().values()]
-    with pytest.raises(FieldError, match="reports and room for"):
+    with pytest.raises(FieldError, match="the scenario has room for"):
         core.complete(replace(field, reports=Reports(*double)), np.random.default_rng(0))
     wrong = replace(field.reports, item=np.full(len(field.reports), 5000))
     with pytest.raises(FieldError, match="item = 5000: give 0 to"):

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 import fieldgym  # noqa: F401
 from fieldgym.agents import make_policy
 from fieldgym.envs.core import NominalExecutor
+from fieldgym.envs.dice import draw_blocks
 from fieldgym.envs.weeding.config import SCENARIOS
-from fieldgym.envs.weeding.drawing import draw_blocks, draw_plants, random_numbers
+from fieldgym.envs.weeding.drawing import draw_plants, random_numbers
 from fieldgym.envs.weeding.field import strip
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.process import dose

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import fieldgym  # noqa: F401
+from fieldgym.envs.dice import draw_blocks
 from fieldgym.envs.weeding.batch import nearest_crop, nearest_weed
 from fieldgym.envs.weeding.config import SCENARIOS, CartConfig
 from fieldgym.envs.weeding.drawing import (
-    draw_blocks,
     draw_plants,
     draw_tracks,
     random_numbers,

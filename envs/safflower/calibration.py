@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...perception.blooms import Blooms, detect
+from ..pairing import nearest_pairs
 from .config import SCENARIOS
 from .env import SafflowerPickingEnv
 from .view import MATCH_RADIUS_M
@@ -26,17 +27,7 @@ PUBLISHED = {
 
 def pairs(reported: np.ndarray, truth: np.ndarray) -> list[tuple[int, int]]:
     """Report and head of every pair nearer than the matching radius, nearest first, each used once."""
-    distance = np.linalg.norm(reported[:, None] - truth[None], axis=-1)
-    found, used_reports, used_heads = [], set(), set()
-    for flat in np.argsort(distance, axis=None):
-        report, head = divmod(int(flat), len(truth))
-        if distance[report, head] > MATCH_RADIUS_M:
-            break
-        if report not in used_reports and head not in used_heads:
-            found.append((report, head))
-            used_reports.add(report)
-            used_heads.add(head)
-    return found
+    return nearest_pairs(np.linalg.norm(reported[:, None] - truth[None], axis=-1), MATCH_RADIUS_M)
 
 
 class Tally:
@@ -60,7 +51,7 @@ class Tally:
         heads = np.flatnonzero(true.exists[0])
         truth = core.state.head_position[0, heads] + core.frame
         inside = np.abs(truth[:, 0] - centre) <= half
-        matched = pairs(blooms.position, truth) if len(blooms.position) else []
+        matched = pairs(blooms.position, truth)
         self.stops += 1
         for head, present in zip(heads, inside, strict=True):
             self.present[int(true.occluded[0, head]), core.state.head_stage[0, head]] += present

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from scipy import stats
 
 from ...mechanisms import FiveBar
 from ..core import Array
+from ..dice import Block, draw_blocks, poisson_table
 from .batch import Batch, Heads, Plants, Tracks, fixed_order, stop_centres, unstack
 from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig, ScenarioConfig
 from .field import SPREAD_M, SafflowerField
@@ -39,20 +39,6 @@ _REACH_RESERVE_M = 0.012
 _FALSE_RESERVE = 4.0
 
 
-class _Block:
-    """Hands out columns of the worlds' random blocks in a fixed order."""
-
-    def __init__(self, numbers: Array):
-        self.numbers = numbers
-        self.used = 0
-
-    def take(self, *shape: int) -> Array:
-        count = prod(shape)
-        part = self.numbers[:, self.used : self.used + count]
-        self.used += count
-        return part.reshape(len(self.numbers), *shape)
-
-
 @lru_cache(maxsize=32)
 def _count_table(scenario: ScenarioConfig) -> NDArray[np.floating]:
     """Cumulative probabilities of 0, 1, ... heads on a plant."""
@@ -63,11 +49,9 @@ def _count_table(scenario: ScenarioConfig) -> NDArray[np.floating]:
     return stats.nbinom.cdf(counts, scenario.dispersion, success)
 
 
-@lru_cache(maxsize=32)
-def false_table(mean: float) -> Array:
-    """Cumulative Poisson probabilities of 0, 1, ... false reports, up to where they no longer matter."""
-    slots = int(np.ceil(mean + _FALSE_RESERVE * np.sqrt(mean) + 1.0)) if mean > 0.0 else 0
-    return stats.poisson.cdf(np.arange(slots), mean)
+def false_table(perception: PerceptionModel, scenario: ScenarioConfig) -> Array:
+    """Cumulative probabilities of 0, 1, ... false reports in a row."""
+    return poisson_table(perception.false_per_stop * scenario.stops, _FALSE_RESERVE, 1)
 
 
 @lru_cache(maxsize=8)
@@ -84,7 +68,7 @@ def reach_table(bar: FiveBar) -> tuple[Array, Array]:
 def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[Heads, Plants]:
     """Grow the plants of R worlds from their random blocks (R, .)."""
     scenario = config.scenario
-    u, z = _Block(uniform), _Block(normal)
+    u, z = Block(uniform), Block(normal)
     plants, slots = scenario.plants, scenario.max_heads
     shape = (len(uniform), plants * slots)
 
@@ -154,7 +138,7 @@ def draw_tracks(
 ) -> Tracks:
     """What the statistical camera reports of R worlds, from random blocks (R, .) of its own."""
     scenario = config.scenario
-    u, z = _Block(uniform), _Block(normal)
+    u, z = Block(uniform), Block(normal)
     heads_n = heads.exists.shape[1]
     recall = np.asarray(perception.recall)[heads.occluded.astype(np.int64), heads.stage]
     seen = heads.exists & (u.take(heads_n) < recall)
@@ -164,7 +148,7 @@ def draw_tracks(
     stage = sum((stage_u > limits[:, column][heads.stage]).astype(np.int64) for column in range(limits.shape[1]))
     size = heads.size_m * (1.0 + perception.size_sigma * z.take(heads_n))
 
-    table = false_table(perception.false_per_stop * scenario.stops)
+    table = false_table(perception, scenario)
     ghosts = len(table)
     ghost_seen = np.arange(ghosts) < np.searchsorted(table, u.take(1)[:, 0], side="right")[:, None]
     centres = stop_centres(scenario)
@@ -194,20 +178,8 @@ def draw_tracks(
 def random_numbers(config: SafflowerConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
     """Lengths of a world's blocks: uniform and normal numbers for the field, then for the camera."""
     plants, heads = config.scenario.plants, config.scenario.plants * config.scenario.max_heads
-    ghosts = len(false_table(perception.false_per_stop * config.scenario.stops))
+    ghosts = len(false_table(perception, config.scenario))
     return 4 * plants + 5 * heads + 1, 2 * plants + 5 * heads, 2 * heads + 1 + 4 * ghosts, 4 * heads
-
-
-def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int, int, int]) -> list[Array]:
-    """One block (R, n) for each of ``random_numbers``' lengths; each world draws its own row.
-
-    The field's numbers come first, so that it is the same whatever the camera is.
-    """
-    rows = [
-        (g.random(lengths[0]), g.standard_normal(lengths[1]), g.random(lengths[2]), g.standard_normal(lengths[3]))
-        for g in generators
-    ]
-    return [np.stack(column) for column in zip(*rows, strict=True)]
 
 
 def draw_batch(

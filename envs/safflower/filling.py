@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..field import ABSENT, Array, Camera, FieldError, Flags, Table, Whole
+from ..field import ABSENT, Camera, Flags, Whole, repeated
 from .batch import Batch, places, stack, stop_centres, unstack
 from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig, ScenarioConfig
 from .drawing import SIZE_SHARE, SPREAD_SIGMA, draw_tracks, random_numbers
@@ -59,8 +59,8 @@ def completed(
 def _whole_plants(config: SafflowerConfig, field: SafflowerField) -> Plants:
     """The plants, synthesised where there are none; height and crown as their heads need them."""
     scenario, plants = config.scenario, field.plants
-    if plants is not None and len(plants) > scenario.plants:
-        raise FieldError(f"{len(plants)} plants: the scenario has room for {scenario.plants}, raise scenario.plants")
+    if plants is not None:
+        plants.keep_to("plants", scenario.plants, "raise scenario.plants")
     if plants is None or len(plants) == 0:
         along = scenario.pitch_m * (np.arange(scenario.plants) + (0.0 if scenario.potted else 0.5))
         bare = Plants.empty(len(along))
@@ -75,11 +75,8 @@ def _whole_plants(config: SafflowerConfig, field: SafflowerField) -> Plants:
             width[plant] = np.clip(2.0 * np.abs(along - plants.along_m[plant]).max(), *scenario.crown_m)
     # Pots stand on blocks where their plants are too short for the height of the heads.
     lift = np.maximum(top - scenario.plant_height_m[1], 0.0) if scenario.potted else np.zeros(len(plants))
-    up_m = np.where(np.isnan(plants.up_m), lift, plants.up_m)
-    height_m = np.where(np.isnan(plants.height_m), np.maximum(top - up_m, _LEAST_HEIGHT_M), plants.height_m)
-    return replace(
-        plants, up_m=up_m, height_m=height_m, crown_m=np.where(np.isnan(plants.crown_m), width, plants.crown_m)
-    )
+    plants = plants.given(up_m=lift, crown_m=width)
+    return plants.given(height_m=np.maximum(top - plants.up_m, _LEAST_HEIGHT_M))
 
 
 def _nearest(heads: Heads, plants: Plants) -> Whole:
@@ -92,11 +89,10 @@ def _whole_heads(config: SafflowerConfig, heads: Heads, plants: Plants) -> Heads
     """Heads with a plant, a slot and a mass, which goes with the size as it does where fields are drawn."""
     sigmas = np.clip((heads.size_m / SPREAD_M - 1.0) / SPREAD_SIGMA, -_MOST_SIGMAS, _MOST_SIGMAS)
     usual = config.head_mass_g * np.exp(config.head_mass_spread * SIZE_SHARE * sigmas)
-    mass = np.where(np.isnan(heads.mass_g), np.where(_open(heads), usual, 0.0), heads.mass_g)
     slot = heads.slot.copy()
     free = np.setdiff1d(np.arange(len(heads) + len(slot)), slot)
     slot[heads.slot < 0] = free[: np.count_nonzero(heads.slot < 0)]
-    return replace(heads, mass_g=mass, plant=_nearest(heads, plants), slot=slot)
+    return replace(heads.given(mass_g=np.where(_open(heads), usual, 0.0)), plant=_nearest(heads, plants), slot=slot)
 
 
 def _open(heads: Heads) -> Flags:
@@ -112,39 +108,15 @@ def row_limits_m(scenario: ScenarioConfig) -> tuple[float, float]:
 def _fits(config: SafflowerConfig, heads: Heads, plants: int, reports: Reports | None) -> None:
     scenario = config.scenario
     slots = scenario.plants * scenario.max_heads
-    if len(heads) > slots:
-        raise FieldError(
-            f"{len(heads)} heads: the scenario has room for {slots}, raise scenario.max_heads or scenario.plants"
-        )
-    if reports is not None and len(reports) > scenario.max_tracks:
-        raise FieldError(
-            f"{len(reports)} reports: the scenario has room for {scenario.max_tracks}, raise scenario.max_tracks"
-        )
-    low, high = row_limits_m(scenario)
-    outside = (heads.along_m < low) | (heads.along_m > high)
-    _refuse_where(outside, "heads", heads, "along_m", f"outside the row, give {low:g} to {high:g} m")
+    heads.keep_to("heads", slots, "raise scenario.max_heads or scenario.plants")
+    heads.keep_within("heads", "along_m", *row_limits_m(scenario), "row")
     laden = ~_open(heads) & (heads.mass_g > 0.0)
-    _refuse_where(laden, "heads", heads, "mass_g", "only open heads bear filaments, give 0 g")
-    _refuse_where(heads.plant >= plants, "heads", heads, "plant", f"give 0 to {plants - 1}")
-    _refuse_where(heads.slot >= slots, "heads", heads, "slot", f"give 0 to {slots - 1}, or leave it out")
-    _refuse_where(_repeated(heads.slot[:, None]), "heads", heads, "slot", "another head has it, leave it out")
-    _refuse_where(_repeated(places(heads)), "heads", heads, "along_m", "another head stands there, leave one out")
+    heads.refuse("heads", laden, "mass_g", "only open heads bear filaments, give 0 g")
+    heads.refuse("heads", heads.plant >= plants, "plant", f"give 0 to {plants - 1}")
+    heads.refuse("heads", heads.slot >= slots, "slot", f"give 0 to {slots - 1}, or leave it out")
+    heads.refuse("heads", repeated(heads.slot[:, None]), "slot", "another head has it, leave it out")
+    heads.refuse("heads", repeated(places(heads)), "along_m", "another head stands there, leave one out")
     if reports is not None:
+        reports.keep_to("reports", scenario.max_tracks, "raise scenario.max_tracks")
         beyond = reports.head >= len(heads)
-        _refuse_where(beyond, "reports", reports, "head", f"there are {len(heads)} heads, counted from 0")
-
-
-def _repeated(values: Array | Whole) -> Flags:
-    """Rows (n, k) that were there before."""
-    first = np.unique(values, axis=0, return_index=True)[1]
-    again = np.ones(len(values), bool)
-    again[first] = False
-    return again
-
-
-def _refuse_where(wrong: Flags, kind: str, table: Table, column: str, advice: str) -> None:
-    """Raise the error for the first row that is wrong."""
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        value, suffix = getattr(table, column)[row], table.columns()[column].suffix
-        raise FieldError(f"{column} = {value:.10g}{suffix}: {advice}", kind, row, column)
+        reports.refuse("reports", beyond, "head", f"there are {len(heads)} heads, counted from 0")

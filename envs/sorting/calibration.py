@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...perception.produce import Produce
+from ..pairing import nearest_pairs
 from .columns import ITEM
 from .config import SCENARIOS, SortingConfig
 from .core import SortingCore
@@ -47,20 +48,12 @@ class Tally:
         self.frames += 1
         self.items += len(there)
         places = np.stack([x, core.items[0, :, ITEM.across_m]], axis=-1)
-        used: set[int] = set()
-        found: set[int] = set()
         distance = np.linalg.norm(seen.position[near][:, None, :2] - places[around][None], axis=-1)
-        for flat in np.argsort(distance, axis=None):
-            report, index = divmod(int(flat), max(len(around), 1))
-            if distance[report, index] > MATCH_RADIUS_M:
-                break
-            item = int(around[index])
-            if report in used or item in found:
-                continue
-            used.add(report)
-            found.add(item)
+        matched = [(report, int(around[index])) for report, index in nearest_pairs(distance, MATCH_RADIUS_M)]
+        for report, item in matched:
             if item in there:
                 self._pair(seen, int(near[report]), core, item, x[item])
+        used, found = {report for report, _ in matched}, {item for _, item in matched}
         missed = core.items[0, [i for i in there if i not in found], ITEM.grade]
         self.missed += np.bincount(missed.astype(np.int64), minlength=4)
         inside = [r for r in range(len(near)) if abs(seen.position[near[r], 0] - belt.camera_x_m) <= half]

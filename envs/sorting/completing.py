@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core import Array
-from ..field import ABSENT, FieldError
+from ..field import FieldError
 from .config import ProduceConfig, SortingConfig
 from .drawing import FRUIT, CameraModel, centre_height_m
 from .field import Items, ProduceField, Reports, Sensor
@@ -26,23 +25,16 @@ def completed(
     """The field with what only the task knows; the reports, if it has any, are those of the camera ``code``."""
     items = _sized(field.items, config.produce)
     usual = _ripeness(items.grade, config.produce)
-    ripeness = _else(items.ripeness, usual)
     slips = config.belt.slip_sigma_m * generator.standard_normal((2, len(items)))
-    items = replace(
-        items,
-        ripeness=ripeness,
-        skin=_else(items.skin, ripeness),
-        slip_along_m=_else(items.slip_along_m, slips[0]),
-        slip_across_m=_else(items.slip_across_m, slips[1]),
-    )
+    items = items.given(ripeness=usual, slip_along_m=slips[0], slip_across_m=slips[1])
+    items = items.given(skin=items.ripeness)
     reports = field.reports
     if reports is not None:
-        reports = _sized(reports, config.produce)
-        reports = replace(reports, seen_s=_else(reports.seen_s, reports.passing_s + camera.report_s))
+        reports = _sized(reports, config.produce).given(seen_s=reports.passing_s + camera.report_s)
     sensor = field.camera if field.camera is not None else Sensor.empty(1)
     if len(sensor) != 1:
         raise FieldError(f"camera has {len(sensor)} rows: give one, or none")
-    seed = np.where(sensor.noise_seed == ABSENT, generator.integers(2**52), sensor.noise_seed)
+    seed = sensor.given(noise_seed=generator.integers(2**52)).noise_seed
     return ProduceField(items, reports, Sensor(seed, np.array([code])))
 
 
@@ -71,13 +63,10 @@ def check_fit(field: ProduceField, config: SortingConfig, most_items: int, most_
         FieldError: one line, with the row.
     """
     items, belt = field.items, config.belt
-    if len(items) > most_items:
-        more = "raise load or stream_s of the scenario"
-        raise FieldError(f"there are {len(items)} items and room for {most_items}: {more}")
+    items.keep_to("items", most_items, "raise load or stream_s of the scenario")
     limits = window(config, most_items)
-    _inside("across_m", items.across_m, *limits["across_m"], "m", "on the belt")
-    when = "from the belt's end to the end of the episode"
-    _inside("passing_s", items.passing_s, *limits["passing_s"], "s", when)
+    items.keep_within("items", "across_m", *limits["across_m"], "belt")
+    items.keep_within("items", "passing_s", *limits["passing_s"], "episode")
     order = np.lexsort((items.across_m, items.passing_s))
     along, across = np.diff(items.passing_s[order]) * belt.speed_m_s, np.diff(items.across_m[order])
     twice = np.flatnonzero((along < _SAME_M) & (np.abs(across) < _SAME_M))
@@ -85,33 +74,17 @@ def check_fit(field: ProduceField, config: SortingConfig, most_items: int, most_
         one, other = sorted((int(order[twice[0]]), int(order[twice[0] + 1])))
         raise FieldError(f"lies where items {one + 1} does: leave one of them out", "items", other, "passing_s")
     if field.reports is not None:
-        if len(field.reports) > most_reports:
-            problem = f"there are {len(field.reports)} reports and room for {most_reports}: leave some out"
-            raise FieldError(problem)
-        wrong = np.flatnonzero(field.reports.item >= len(items))
-        if len(wrong):
-            row = int(wrong[0])
-            problem = f"item = {field.reports.item[row]}: give 0 to {len(items) - 1}, the row of an item"
-            raise FieldError(problem, "reports", row, "item")
-
-
-def _inside(name: str, values: Array, low: float, high: float, unit: str, words: str) -> None:
-    wrong = np.flatnonzero((values < low) | (values > high))
-    if len(wrong):
-        row = int(wrong[0])
-        problem = f"{name} = {values[row]:.10g} {unit}: give {low:.4g} to {high:.4g} {unit}, {words}"
-        raise FieldError(problem, "items", row, name)
+        field.reports.keep_to("reports", most_reports, "raise load or stream_s of the scenario")
+        beyond = field.reports.item >= len(items)
+        field.reports.refuse("reports", beyond, "item", f"give 0 to {len(items) - 1}, the row of an item")
 
 
 def _sized(table: TableT, produce: ProduceConfig) -> TableT:
     """A table with sizes, and the heights that follow from them."""
     sizes = np.array([_size(grade, produce) for grade in range(4)])[table.grade].reshape(-1, 3)
-    length, width = _else(table.length_m, sizes[:, 0]), _else(table.width, sizes[:, 1])
-    thickness = _else(table.thickness, sizes[:, 2])
-    shapes = zip(length, width, thickness, table.yaw_rad, table.tilt_rad, table.azimuth_rad, strict=True)
-    height = np.array([centre_height_m(*shape) for shape in shapes])
-    changes: dict[str, Any] = {"length_m": length, "width": width, "thickness": thickness}
-    return replace(table, **changes, up_m=_else(table.up_m, height))
+    table = table.given(length_m=sizes[:, 0], width=sizes[:, 1], thickness=sizes[:, 2])
+    columns = table.length_m, table.width, table.thickness, table.yaw_rad, table.tilt_rad, table.azimuth_rad
+    return table.given(up_m=np.array([centre_height_m(*shape) for shape in zip(*columns, strict=True)]))
 
 
 def _size(grade: int, produce: ProduceConfig) -> tuple[float, float, float]:
@@ -128,8 +101,3 @@ def _size(grade: int, produce: ProduceConfig) -> tuple[float, float, float]:
 def _ripeness(grade: NDArray[np.int64], produce: ProduceConfig) -> Array:
     """Mean ripeness of grades; tubers have none that counts."""
     return np.array([0.5, 0.5, 0.5 + 0.5 * produce.ripe_from, 0.5 * produce.ripe_from])[grade]
-
-
-def _else(values: Array, others: Any) -> Array:
-    """``values``, and ``others`` where none were given."""
-    return np.where(np.isnan(values), others, values)

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import pdtr
 
 from ...kernels import compiled, fill
 from ..core import Array
+from ..dice import draw_blocks, poisson_table
 from .chances import ERROR, GHOST, SEEN, U, Z
 from .columns import ITEM, REPORT, Item, Report
 from .config import PerceptionModel, SortingConfig
@@ -141,17 +140,10 @@ class CameraModel(NamedTuple):
             yaw_sigma_rad=np.array(perception.yaw_sigma_rad, float),
             tilt_sigma_rad=np.array(perception.tilt_sigma_rad, float),
             length_sigma=float(perception.length_sigma),
-            ghosts=false_table(perception.false_per_item * scenario.rate_hz * scenario.stream_s),
+            ghosts=poisson_table(perception.false_per_item * scenario.rate_hz * scenario.stream_s, _FALSE_RESERVE, 1),
             ghost_length_m=float(config.produce.tuber_length_m[0]),
             report_s=float((belt.camera_x_m + 0.5 * belt.camera_step_m) / belt.speed_m_s + belt.latency_s),
         )
-
-
-@lru_cache(maxsize=32)
-def false_table(mean: float) -> Array:
-    """Cumulative Poisson probabilities of 0, 1, ... false reports, up to where they no longer matter."""
-    slots = int(np.ceil(mean + _FALSE_RESERVE * np.sqrt(mean) + 1.0)) if mean > 0.0 else 0
-    return pdtr(np.arange(slots), mean)
 
 
 def draw_streams(
@@ -167,14 +159,8 @@ def draw_streams(
         reports: most reports of a world; 0: nothing is reported.
     """
     worlds = len(generators)
-    uniform, normal = np.empty((worlds, len(U) * items)), np.empty((worlds, len(Z) * items))
-    seen = np.empty((worlds, len(SEEN) * items + 1 + len(GHOST) * len(camera.ghosts)))
-    errors = np.empty((worlds, len(ERROR) * items))
-    for row, generator in enumerate(generators):
-        generator.random(out=uniform[row])
-        generator.standard_normal(out=normal[row])
-        generator.random(out=seen[row])
-        generator.standard_normal(out=errors[row])
+    looks = len(SEEN) * items + 1 + len(GHOST) * len(camera.ghosts)
+    uniform, normal, seen, errors = draw_blocks(generators, (len(U) * items, len(Z) * items, looks, len(ERROR) * items))
     drawn = Streams(
         np.empty((worlds, items + 1, len(Item._fields))),
         np.empty((worlds, reports, len(Report._fields))),

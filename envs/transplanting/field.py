@@ -16,6 +16,7 @@ from scipy.special import ndtri
 
 from ..columns import names
 from ..core import Array
+from ..dice import draw_blocks
 from ..field import Field, FieldError, Origin, Table, Toy, Whole, label, number, whole
 from .columns import Lucks
 from .config import EMPTY, HEALTHY, POOR, REPORTS, PerceptionModel, ScenarioConfig, TransplantingConfig, Tray
@@ -121,10 +122,7 @@ def draw_batch(scenario: ScenarioConfig, generators: Sequence[np.random.Generato
     blocks = [2 * trays * (tray.cells + (tray.rows + 2) * (tray.columns + 2)) for tray, trays in sides]
     lots = [trays * tray.cells for tray, trays in sides]
     worlds = len(generators)
-    uniform, normal = np.empty((worlds, sum(lots) + len(_LUCKS) * lots[0])), np.empty((worlds, sum(blocks)))
-    for row, generator in enumerate(generators):
-        generator.random(out=uniform[row])
-        generator.standard_normal(out=normal[row])
+    uniform, normal = draw_blocks(generators, (sum(lots) + len(_LUCKS) * lots[0], sum(blocks)))
     (source, target), cells = shapes(scenario), np.cumsum(lots)
     source_cells = _sow(scenario, *sides[0], normal[:, : blocks[0]])
     target_cells = np.full((worlds, *target), EMPTY, np.int8)

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from ..columns import names
 from ..core import Array, Rows, StepResult, TaskCore, observation_space, outside
+from ..dice import draw_blocks
 from ..field import Camera
 from .batch import Batch, crop_index, stack, unstack
 from .config import SPECIES, FieldTask
-from .drawing import draw_blocks, draw_plants, draw_tracks, random_numbers, track_capacity
+from .drawing import draw_plants, draw_tracks, random_numbers, track_capacity
 from .features import LIMIT, Candidate, Machine, track_features
 from .field import WeedField
 from .filling import REAL_M, completed, window

@@ -7,16 +7,14 @@ worlds are drawn beside it, and the field is the same whatever the perception is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from ...kernels.sums import in_order
 from ..core import Array
+from ..dice import Block, poisson_table
 from .batch import Plants, Tracks, nearest_along, nearest_crop, nearest_weed
 from .config import CartConfig, ScenarioConfig
 from .perception import PerceptionModel, Q, SightingTable
@@ -27,25 +25,9 @@ _MARGIN_M = 0.15
 """Clusters are centred up to three cluster sigmas outside the strip."""
 
 
-class _Block:
-    """Hands out columns of the worlds' random blocks in a fixed order."""
-
-    def __init__(self, numbers: Array):
-        self.numbers = numbers
-        self.used = 0
-
-    def take(self, *shape: int) -> Array:
-        count = int(np.prod(shape))
-        part = self.numbers[:, self.used : self.used + count]
-        self.used += count
-        return part.reshape(len(self.numbers), *shape)
-
-
-@lru_cache(maxsize=64)
-def poisson_table(mean: float) -> Array:
+def _table(mean: float) -> Array:
     """Cumulative Poisson probabilities of 0, 1, ... up to where they no longer matter."""
-    slots = int(np.ceil(mean + 5.0 * np.sqrt(mean) + 3.0)) if mean > 0.0 else 0
-    return stats.poisson.cdf(np.arange(slots), mean)
+    return poisson_table(mean, 5.0, 3)
 
 
 def _counts(scenario: ScenarioConfig) -> tuple[Array, Array, Array]:
@@ -54,7 +36,7 @@ def _counts(scenario: ScenarioConfig) -> tuple[Array, Array, Array]:
     area = length * width
     parents = scenario.clumped * scenario.density_per_m2 / scenario.cluster_size * area
     background = (1.0 - scenario.clumped) * scenario.density_per_m2 * area
-    return poisson_table(parents), poisson_table(scenario.cluster_size), poisson_table(background)
+    return _table(parents), _table(scenario.cluster_size), _table(background)
 
 
 def draw_plants(scenario: ScenarioConfig, uniform: Array, normal: Array) -> Plants:
@@ -64,7 +46,7 @@ def draw_plants(scenario: ScenarioConfig, uniform: Array, normal: Array) -> Plan
     centre) over a Poisson background, on an area larger than the band by three cluster sigmas; those outside the
     band do not exist.
     """
-    u, z = _Block(uniform), _Block(normal)
+    u, z = Block(uniform), Block(normal)
     rows, n = len(uniform), scenario.max_weeds
     parents, cluster, background = _counts(scenario)
     low = np.array([-_MARGIN_M, -0.5 * scenario.band_m - _MARGIN_M])
@@ -140,7 +122,7 @@ def track_capacity(scenario: ScenarioConfig, perception: PerceptionModel | None)
     """Most tracks of a strip."""
     if perception is None:
         return 4 * scenario.max_weeds
-    return scenario.max_weeds + len(poisson_table(in_order(false_means(scenario, perception))))
+    return scenario.max_weeds + len(_table(in_order(false_means(scenario, perception))))
 
 
 def random_numbers(scenario: ScenarioConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
@@ -161,7 +143,7 @@ def draw_tracks(
     normal: Array,
 ) -> Tracks:
     """What the statistical cameras make of R worlds, from random blocks (R, .) of their own."""
-    u = _Block(uniform)
+    u = Block(uniform)
     n = plants.exists.shape[1]
     chances, lots = u.take(n), u.take(n)
     false_place, false_there, false_sighting = _draw_false(scenario, perception, plants, u)
@@ -237,11 +219,11 @@ def _draw_sightings(table: SightingTable, kind: NDArray[np.int64], lots: Array) 
 
 
 def _draw_false(
-    scenario: ScenarioConfig, perception: PerceptionModel, plants: Plants, u: _Block
+    scenario: ScenarioConfig, perception: PerceptionModel, plants: Plants, u: Block
 ) -> tuple[Array, NDArray[np.bool_], Array]:
     """Owners' places (R, G, 2) of the false tracks, which of them there are, and their sightings (R, G, 7)."""
     means = false_means(scenario, perception)
-    table = poisson_table(in_order(means))
+    table = _table(in_order(means))
     g = len(table)
     there = np.arange(g) < np.searchsorted(table, u.take(1), side="right")
     limits = np.cumsum(means) / max(in_order(means), 1e-12)
@@ -255,12 +237,3 @@ def _draw_false(
     owner = np.where((kind == 0)[..., None], weed, np.where((kind == 1)[..., None], crop, loose))
     there &= (kind > 0) | (weeds > 0)
     return owner, there, _draw_sightings(perception.false_table, kind, u.take(g))
-
-
-def draw_blocks(generators: Sequence[np.random.Generator], lengths: tuple[int, int, int, int]) -> list[Array]:
-    """One block (R, n) for each of ``random_numbers``' lengths; each world draws its own row, the field's first."""
-    rows = [
-        (g.random(lengths[0]), g.standard_normal(lengths[1]), g.random(lengths[2]), g.standard_normal(lengths[3]))
-        for g in generators
-    ]
-    return [np.stack(column) for column in zip(*rows, strict=True)]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..field import Array, Camera, FieldError, Flags, Table, TableT
+from ..field import Array, Camera, FieldError, TableT, repeated
 from .batch import Batch, nearest_crop, places, stack, unstack
 from .config import FieldTask, ScenarioConfig
 from .drawing import draw_tracks, random_numbers, track_capacity
@@ -62,17 +62,10 @@ def window(scenario: ScenarioConfig) -> dict[str, tuple[float, float]]:
 
 
 def _check_weeds(scenario: ScenarioConfig, weeds: Weeds) -> None:
-    if len(weeds) > scenario.max_weeds:
-        raise FieldError(
-            f"the scenario has room for {scenario.max_weeds} weeds: raise scenario.max_weeds, or leave some out",
-            "weeds",
-            scenario.max_weeds,
-        )
-    for (name, (low, high)), words in zip(window(scenario).items(), ("strip", "band"), strict=True):
-        values: Array = getattr(weeds, name)
-        outside = (values < low) | (values > high)
-        _refuse_where(outside, "weeds", weeds, name, f"outside the {words}, give {low:g} to {high:g} m")
-    _refuse_where(_repeated(weeds), "weeds", weeds, "along_m", "another weed stands there, leave one out")
+    weeds.keep_to("weeds", scenario.max_weeds, "raise scenario.max_weeds")
+    for (name, limits), what in zip(window(scenario).items(), ("strip", "band"), strict=True):
+        weeds.keep_within("weeds", name, *limits, what)
+    weeds.refuse("weeds", repeated(places(weeds)), "along_m", "another weed stands there, leave one out")
 
 
 def _whole_crops(scenario: ScenarioConfig, crops: Crops | None, generator: np.random.Generator) -> Crops:
@@ -81,46 +74,25 @@ def _whole_crops(scenario: ScenarioConfig, crops: Crops | None, generator: np.ra
     if crops is None:
         along = pitch * (np.arange(room, dtype=np.float64) - 0.5)
         return Crops(along, np.zeros(room), np.full(room, np.nan)).filled(generator)
-    if len(crops) > room:
-        raise FieldError(
-            f"the scenario has room for {room} crop plants: lower scenario.crop_pitch_m, or leave some out",
-            "crops",
-            room,
-        )
-    low, high = -pitch, scenario.strip_m + 2.0 * pitch
-    outside = (crops.along_m < low) | (crops.along_m > high)
-    _refuse_where(outside, "crops", crops, "along_m", f"far from the strip, give {low:g} to {high:g} m")
-    _refuse_where(_repeated(crops), "crops", crops, "along_m", "another crop plant stands there, leave one out")
+    crops.keep_to("crops", room, "lower scenario.crop_pitch_m")
+    crops.keep_within("crops", "along_m", -pitch, scenario.strip_m + 2.0 * pitch, "row")
+    crops.refuse("crops", repeated(places(crops)), "along_m", "another crop plant stands there, leave one out")
     return crops
 
 
 def _whole_reports(config: FieldTask, perception: PerceptionModel, bare: WeedField, reports: Reports) -> Reports:
     """Reports that aim where they say and know what is near."""
     scenario = config.scenario
-    room, half = track_capacity(scenario, perception), 0.5 * scenario.band_m
-    if len(reports) > room:
-        raise FieldError(
-            f"the scenario has room for {room} reports: raise scenario.max_weeds, or leave some out",
-            "reports",
-            room,
-        )
-    beside = np.abs(reports.across_m) > half
-    _refuse_where(beside, "reports", reports, "across_m", f"outside the band, give {-half:g} to {half:g} m")
-    aim_along = np.where(np.isnan(reports.aim_along_m), reports.along_m, reports.aim_along_m)
-    aim_across = np.where(np.isnan(reports.aim_across_m), reports.across_m, reports.aim_across_m)
+    reports.keep_to("reports", track_capacity(scenario, perception), "raise scenario.max_weeds")
+    reports.keep_within("reports", "across_m", *window(scenario)["across_m"], "band")
     crop = stack(scenario, 0, [bare]).plants.crop
-    gap = nearest_crop(crop, places(reports)[None])[0]
-    aim = np.column_stack([aim_along, aim_across])
-    behind = np.where(reports.behind < 0, _nearest_m(places(bare.weeds), aim) < REAL_M, reports.behind)
-    return _along(
-        replace(
-            reports,
-            aim_along_m=aim_along,
-            aim_across_m=aim_across,
-            crop_gap_m=np.where(np.isnan(reports.crop_gap_m), gap, reports.crop_gap_m),
-            behind=behind,
-        )
+    reports = reports.given(
+        aim_along_m=reports.along_m,
+        aim_across_m=reports.across_m,
+        crop_gap_m=nearest_crop(crop, places(reports)[None])[0],
     )
+    aim = places(reports, "aim_along_m", "aim_across_m")
+    return _along(reports.given(behind=_nearest_m(places(bare.weeds), aim) < REAL_M))
 
 
 def _nearest_m(places_m: Array, to_m: Array) -> Array:
@@ -134,18 +106,3 @@ def _along(table: TableT) -> TableT:
     along: Array = table.along_m  # type: ignore[attr-defined]
     order = np.argsort(along, kind="stable")
     return type(table)(**{name: values[order] for name, values in table.arrays().items()})
-
-
-def _repeated(table: Table) -> Flags:
-    """Rows whose place was there before."""
-    again = np.ones(len(table), bool)
-    again[np.unique(places(table), axis=0, return_index=True)[1]] = False
-    return again
-
-
-def _refuse_where(wrong: Flags, kind: str, table: Table, column: str, advice: str) -> None:
-    """Raise the error for the first row that is wrong."""
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        value, suffix = getattr(table, column)[row], table.columns()[column].suffix
-        raise FieldError(f"{column} = {value:.10g}{suffix}: {advice}", kind, row, column)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ....pairing import nearest_pairs
 from ...batch import nearest_crop, nearest_weed
 from ...config import SCENARIOS
 from ...drawing import neighbourhood
@@ -181,21 +182,10 @@ def drive(config: WeedingConfig, front: FrontCamera, weed: np.ndarray, counts: d
 
 def match(places: np.ndarray, truth: np.ndarray, aims: np.ndarray | None = None) -> list[tuple[int, int]]:
     """Pairs (place, truth) of which the place, or its aim, is within ``MATCH_M``; nearest first, one to one."""
-    if not len(places) or not len(truth):
-        return []
     gap = np.hypot(*(places[:, None] - truth[None]).transpose(2, 0, 1))
     if aims is not None:
         gap = np.minimum(gap, np.hypot(*(aims[:, None] - truth[None]).transpose(2, 0, 1)))
-    pairs, used_a, used_b = [], set(), set()
-    for flat in np.argsort(gap, axis=None):
-        a, b = divmod(int(flat), len(truth))
-        if gap[a, b] > MATCH_M:
-            break
-        if a not in used_a and b not in used_b:
-            pairs.append((a, b))
-            used_a.add(a)
-            used_b.add(b)
-    return pairs
+    return nearest_pairs(gap, MATCH_M)
 
 
 def same_plant(i: int, others: Any, told: np.ndarray, aim: np.ndarray) -> bool:
