@@ -11,9 +11,9 @@ import hashlib
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import isclose, isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -23,6 +23,9 @@ from numpy.typing import NDArray
 from .envs.core import COMMON_SCORES
 from .envs.single import TaskEnv
 from .envs.task import TaskSpec, task
+
+if TYPE_CHECKING:
+    from .agents.evaluation import Scores
 
 MODES = ("NextStep", "SameStep")
 EXACT = 1e-9
@@ -47,8 +50,8 @@ def check_task(
     Gymnasium's and, where it is installed, Stable-Baselines3's checkers with warnings as errors; masks in three
     conventions; arrays never shared; observations inside their space; illegal actions that cost time and are counted;
     a batch that equals its single worlds bit for bit; the same trajectories in another process; names for every column
-    and score; times and rewards that add up; fields that can be loaded again; policies that finish; no result above the
-    bound where there is one.
+    and scores; times and rewards that add up; fields that can be loaded again; policies that finish without an illegal
+    action; no result above the bound where there is one.
 
     Args:
         env_id: a registered id, or ``module:id``.
@@ -295,21 +298,46 @@ def _fields(spec: TaskSpec) -> None:
 
 
 def _policies(spec: TaskSpec) -> None:
-    """The reference and chance finish an episode; neither beats the bound."""
-    from .agents import make_policy
-    from .agents.evaluation import evaluate
+    """What policies reach is not above the bound."""
     from .bounds import instance
 
     seeds = range(2)
-    bounds = [instance(spec.id, seed).bound() for seed in seeds] if spec.bound is not None else None
-    for name in dict.fromkeys((spec.reference, "random")):
-        scores = evaluate(lambda env, name=name: make_policy(name, env, 1), spec.id, seeds)
-        for i, bound in enumerate(bounds or ()):
+    bounds = [instance(spec.id, seed).bound() for seed in seeds] if spec.bound is not None else ()
+    for name, scores in check_policies(spec.id, spec.headline, seeds).items():
+        for i, bound in enumerate(bounds):
             for value, limit in (
                 (scores.scorecard["net_rate"][i], bound.net_rate),
                 (scores.returns[i], bound.episode_return),
             ):
                 _hold(value <= limit + EXACT, f"{name} beats the bound on seed {i}: {value} > {limit}")
+
+
+def check_policies(env_id: str, scenario: str, seeds: Sequence[int] = range(2)) -> dict[str, Scores]:
+    """Every policy of a task finishes its episodes and takes no illegal action.
+
+    Args:
+        env_id: a registered id.
+        scenario: one of its scenarios.
+        seeds: one an episode.
+
+    Returns:
+        What each policy reached, by its name.
+
+    Raises:
+        ContractError: a policy's action was illegal, or an episode did not end.
+    """
+    from .agents import make_policy, policy_names
+    from .agents.evaluation import evaluate
+
+    reached = {}
+    for name in policy_names(env_id):
+        try:
+            reached[name] = evaluate(lambda env, name=name: make_policy(name, env, 1), env_id, seeds, scenario=scenario)
+        except RuntimeError as error:
+            raise ContractError(f"policy {name}: {error}") from error
+        illegal = reached[name].scorecard["illegal"]
+        _hold((illegal == 0).all(), f"policy {name} takes {illegal.sum():g} illegal actions in {len(seeds)} episodes")
+    return reached
 
 
 def check_batch(env_id: str, scenario: str, mode: str, worlds: int = 8, decisions: int = 300, **kwargs: Any) -> None:

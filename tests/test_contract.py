@@ -14,7 +14,7 @@ from fieldgym import TaskSpec, env_ids, register_policy, register_task, task
 from fieldgym.agents import policy_names
 from fieldgym.envs import register
 from fieldgym.envs.vector import TaskVectorEnv
-from fieldgym.testing import ContractError, check_batch, check_task
+from fieldgym.testing import ContractError, check_batch, check_policies, check_task
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 OWN = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
@@ -152,6 +152,25 @@ def test_a_task_that_breaks_it_is_told_where(strawberry, fault, monkeypatch):
     register_task(spec)
     with pytest.raises(ContractError, match=BREAKS[fault]):
         check_task(spec.id, worlds=3, decisions=40)
+
+
+class Blind:
+    """Picks the first berry again and again."""
+
+    def __init__(self, env, seed):
+        pass
+
+    def act(self, observation):
+        return np.zeros(len(observation["machine"]), int)
+
+
+def test_a_policy_that_acts_illegally_is_named(strawberry):
+    policies = {"nearest": "strawberry:Nearest", "blind": Blind}
+    register_task(replace(strawberry.SPEC, id="broken/blind-v0", policies=policies))
+    with pytest.raises(ContractError, match=r"^policy blind takes \d{3} illegal actions in 2 episodes$"):
+        check_policies("broken/blind-v0", "wall")
+    with pytest.raises(ContractError, match="policies and bound: policy blind takes"):
+        check_task("broken/blind-v0", backends=(), worlds=1, decisions=1)
 
 
 def test_what_is_registered_twice_or_nowhere_is_named(strawberry):

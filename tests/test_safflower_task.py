@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldgym.agents import make_policy, policy_names
+from fieldgym.agents import make_policy
 from fieldgym.envs.safflower.batch import fixed_order, stop_centres
 from fieldgym.envs.safflower.config import (
     OPEN_STAGES,
@@ -27,6 +27,7 @@ from fieldgym.envs.safflower.process import Shears, collected_share, cut_share, 
 from fieldgym.envs.safflower.timing import DRIVE, FINISH, NOTHING
 from fieldgym.kernels.config import override
 from fieldgym.motion import QUINTIC
+from fieldgym.testing import check_policies
 
 ID = "fieldgym/SafflowerPicking-v0"
 PROCESS = ProcessConfig()
@@ -245,20 +246,9 @@ def test_more_strokes_cut_more_and_more_error_cuts_less(strokes, error, luck):
     assert long >= short
 
 
-@pytest.mark.parametrize("name", policy_names(ID))
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_policies_finish_without_an_illegal_action(name, scenario):
-    env = gym.make_vec(ID, num_envs=4, scenario=scenario, autoreset_mode="Disabled")
-    policy = make_policy(name, env, seed=1)
-    observation, info = env.reset(seed=0)
-    over = np.zeros(4, bool)
-    for _ in range(400):
-        observation, _, terminated, truncated, info = env.step(policy.act(observation))
-        over |= terminated | truncated
-        if over.all():
-            break
-    assert over.all()
-    assert (info["scorecard"]["illegal"] == 0).all()
+def test_policies_finish_without_an_illegal_action(scenario):
+    check_policies(ID, scenario, range(4))
 
 
 @pytest.mark.parametrize(
