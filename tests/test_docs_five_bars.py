@@ -1,4 +1,4 @@
-"""The examples of the five-bars' and the motion pages print what they say, and their drawings are those of the code."""
+"""The examples of the five-bars' and the motion pages print what they say, and all drawings are those of the code."""
 
 import contextlib
 import importlib
@@ -37,6 +37,8 @@ def test_examples_print_what_they_say(page):
     [
         ("five_bars", "mechanisms", ("five-bar.svg", "translational-five-bar.svg")),
         ("motion", ".", ("motion-laws.svg", "motion-gates.svg")),
+        ("three_prrs", "mechanisms", ("three-prrs.svg",)),
+        ("three_ups_rpu", "mechanisms", ("three-ups-rpu.svg",)),
     ],
 )
 def test_drawings_are_up_to_date(module, folder, names, tmp_path, monkeypatch):

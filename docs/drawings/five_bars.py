@@ -5,17 +5,15 @@ Run: ``python docs/drawings/five_bars.py [FOLDER]``.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from sheet import drawn
+from sheet import DOCS, folder_given, save_flat
 
 from fieldgym.mechanisms import FiveBar, TranslationalFiveBar
 
-FOLDER = Path(__file__).resolve().parents[1] / "mechanisms"
 ARM, FOREARM, PLATE = "#c44e52", "#4c72b0", "0.35"
 
 Array = NDArray[np.float64]
@@ -134,11 +132,11 @@ def transplanter(axes: Axes) -> None:
     dimension(axes, (right + 35.0, bottom), (right + 35.0, top), "150")
 
 
-def main(folder: Path = FOLDER) -> None:
+def main(folder: Path) -> None:
     """Draw both."""
-    drawn(safflower, folder / "five-bar.svg", (6.6, 6.0))
-    drawn(transplanter, folder / "translational-five-bar.svg", (7.2, 6.4))
+    save_flat(safflower, folder / "five-bar.svg", (6.6, 6.0))
+    save_flat(transplanter, folder / "translational-five-bar.svg", (7.2, 6.4))
 
 
 if __name__ == "__main__":
-    main(*(Path(argument) for argument in sys.argv[1:2]))
+    main(folder_given(DOCS / "mechanisms"))

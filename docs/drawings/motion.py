@@ -5,20 +5,25 @@ Run: ``python docs/drawings/motion.py [FOLDER]``.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from sheet import DOCS, folder_given, save
 
-from fieldgym.kernels.files import replaced
-from fieldgym.motion import MODIFIED_TRAPEZOID, QUINTIC, SEPTIC, Gate, SCurve, minimum_time, rounded
+from fieldgym.motion import (
+    MODIFIED_TRAPEZOID,
+    QUINTIC,
+    SEPTIC,
+    Gate,
+    PathMotion,
+    SCurve,
+    StoppedPath,
+    minimum_time,
+    rounded,
+)
 
-FOLDER = Path(__file__).resolve().parents[1]
 VELOCITY, ACCELERATION, STROKE_M = 4.5, 60.0, 0.6
 CORNERS = [[0.0, 0.0], [0.0, 0.15], [0.6, 0.15], [0.6, 0.0]]
 
@@ -47,19 +52,17 @@ def laws(canvas: Figure) -> None:
 def gates(canvas: Figure) -> None:
     """Paths over the gate, and the speed along them."""
     above, below = canvas.subplots(2, 1)
-    motions = {
-        "stop-quintic": Gate("stop-quintic", VELOCITY, ACCELERATION).motion(CORNERS[0], CORNERS[3], 0.15),
-        "stop-fastest": Gate("stop-fastest", VELOCITY, ACCELERATION).motion(CORNERS[0], CORNERS[3], 0.15),
-        "blended, straight_m = 0.05": Gate("blended", VELOCITY, ACCELERATION, 0.05).motion(
-            CORNERS[0], CORNERS[3], 0.15
-        ),
-        "time-optimal, straight_m = 0.05": Gate("time-optimal", VELOCITY, ACCELERATION, 0.05).motion(
-            CORNERS[0], CORNERS[3], 0.15
-        ),
-        "smooth corners, jerk 20000 m/s$^3$": minimum_time(
-            rounded(CORNERS, 0.1, "smooth"), VELOCITY, ACCELERATION, 20_000.0
-        ),
+    gates = {
+        "stop-quintic": Gate("stop-quintic", VELOCITY, ACCELERATION),
+        "stop-fastest": Gate("stop-fastest", VELOCITY, ACCELERATION),
+        "blended, straight_m = 0.05": Gate("blended", VELOCITY, ACCELERATION, 0.05),
+        "time-optimal, straight_m = 0.05": Gate("time-optimal", VELOCITY, ACCELERATION, 0.05),
     }
+    motions: dict[str, StoppedPath | PathMotion] = {
+        name: gate.motion(CORNERS[0], CORNERS[3], 0.15) for name, gate in gates.items()
+    }
+    smooth = minimum_time(rounded(CORNERS, 0.1, "smooth"), VELOCITY, ACCELERATION, 20_000.0)
+    motions["smooth corners, jerk 20000 m/s$^3$"] = smooth
     for name, motion in motions.items():
         time = np.linspace(0.0, motion.duration_s, 1201)
         state = motion.sample(time)
@@ -70,17 +73,11 @@ def gates(canvas: Figure) -> None:
     canvas.legend(loc="outside lower center", ncols=2, fontsize=8)
 
 
-def main(folder: Path = FOLDER) -> None:
+def main(folder: Path) -> None:
     """Draw both."""
-    style: dict[Any, Any] = {"svg.hashsalt": "fieldgym", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3}
     for draw, name, size in ((laws, "motion-laws", (8.0, 6.2)), (gates, "motion-gates", (7.2, 6.0))):
-        with rc_context(style):
-            canvas = Figure(figsize=size, layout="constrained")
-            FigureCanvasAgg(canvas)
-            draw(canvas)
-            with replaced(folder / f"{name}.svg") as partial:
-                canvas.savefig(partial, format="svg", metadata={"Date": None})
+        save(draw, folder / f"{name}.svg", size, {"font.size": 9, "axes.grid": True, "grid.alpha": 0.3})
 
 
 if __name__ == "__main__":
-    main(*(Path(argument) for argument in sys.argv[1:2]))
+    main(folder_given(DOCS))

@@ -1,80 +1,23 @@
 """Draw the 3-PRRS platform with its named points into ``docs/mechanisms/three-prrs.svg``.
 
-Run: ``python docs/drawings/three_prrs.py [TARGET]``.
+Run: ``python docs/drawings/three_prrs.py [FOLDER]``.
 """
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from sheet import DOCS, Array, Sketch, folder_given, save
 
-from fieldgym.kernels.files import replaced
 from fieldgym.mechanisms import ThreePRRS
 from fieldgym.mechanisms.prrs_legs import RADIAL, TANGENTIAL
 from fieldgym.mechanisms.rotations import rotation_from_euler
 
-TARGET = Path(__file__).resolve().parents[1] / "mechanisms" / "three-prrs.svg"
 COLOURS = ("#c44e52", "#4c72b0", "#55a868")
 UP = np.array([0.0, 0.0, 1.0])
-
-Array = NDArray[np.float64]
-
-
-class Sketch:
-    """Parallel projection of points (..., 3) in metres onto axes in millimetres."""
-
-    def __init__(self, axes: Axes, turn_deg: float, tilt_deg: float) -> None:
-        """Look from an azimuth and a height."""
-        turn, tilt = np.deg2rad([turn_deg, tilt_deg])
-        self.axes = axes
-        self.right = np.array([-np.sin(turn), np.cos(turn), 0.0])
-        self.up = np.array([-np.cos(turn) * np.sin(tilt), -np.sin(turn) * np.sin(tilt), np.cos(tilt)])
-        axes.set_aspect("equal")
-        axes.set_axis_off()
-
-    def at(self, points: Array) -> tuple[Array, Array]:
-        """Picture coordinates of points."""
-        return 1e3 * (points @ self.right), 1e3 * (points @ self.up)
-
-    def line(self, *points: Array, **style: object) -> None:
-        """A line through points."""
-        self.axes.plot(*self.at(np.stack(points)), **style)  # type: ignore[arg-type]
-
-    def name(self, point: Array, text: str, shift: tuple[float, float] = (0.0, 0.0), **style: object) -> None:
-        """A text beside a point, shifted in millimetres of the picture."""
-        x, y = self.at(point)
-        place = (float(x) + shift[0], float(y) + shift[1])
-        self.axes.text(*place, text, ha="center", va="center", zorder=9, **style)  # type: ignore[arg-type]
-
-    def arrow(self, start: Array, end: Array, text: str, colour: str = "0.15", reach: float = 1.15) -> None:
-        """An arrow with its name beyond the tip."""
-        (x0, x1), (y0, y1) = self.at(np.stack([start, end]))
-        self.axes.annotate("", (x1, y1), (x0, y0), arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.1})
-        # An annotation does not widen the picture; a point that is not drawn does.
-        tip_x, tip_y = self.at(start + reach * (end - start))
-        self.axes.plot(tip_x, tip_y, ls="")
-        self.name(start + reach * (end - start), text, style="italic", color=colour)
-
-    def arc(self, centre: Array, start: Array, end: Array, text: str, colour: str, reach: float = 1.3) -> None:
-        """The smaller arc between two arms of equal length about a centre."""
-        share = np.linspace(0.0, 1.0, 30)[:, None]
-        between = (1.0 - share) * start + share * end
-        between *= np.linalg.norm(start) / np.linalg.norm(between, axis=-1, keepdims=True)
-        self.axes.plot(*self.at(centre + between), color=colour, lw=1.1)
-        self.name(centre + reach * between[15], text, color=colour)
-
-    def circle(self, centre: Array, radius: float, rotation: Array, **style: object) -> None:
-        """A circle in a plane given by a rotation."""
-        angles = np.linspace(0.0, 2.0 * np.pi, 121)
-        points = radius * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=-1)
-        self.axes.plot(*self.at(centre + points @ rotation.T), **style)  # type: ignore[arg-type]
 
 
 def whole(axes: Axes, machine: ThreePRRS, pose: Array) -> None:
@@ -140,10 +83,8 @@ def leg(axes: Axes, machine: ThreePRRS, pose: Array) -> None:
     axes.set_title("leg 1")
 
 
-def draw() -> Figure:
+def draw(figure: Figure) -> None:
     """The whole machine and one leg at the same pose."""
-    figure = Figure(figsize=(10.5, 6.0), layout="constrained")
-    FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
     pose = np.array([0.008, -0.006, 0.075, np.deg2rad(12.0), np.deg2rad(-8.0), np.deg2rad(10.0)])
     whole(left, ThreePRRS.published(), pose)
@@ -155,15 +96,12 @@ def draw() -> Figure:
         for marker in names
     ]
     figure.legend(handles, list(names.values()), loc="outside lower center", ncols=3)
-    return figure
 
 
-def main() -> None:
-    """Write the drawing; the same input gives the same file."""
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else TARGET
-    with rc_context({"svg.hashsalt": "fieldgym", "font.size": 10}), replaced(target) as partial:
-        draw().savefig(partial, format=target.suffix[1:], metadata={"Date": None} if target.suffix == ".svg" else None)
+def main(folder: Path) -> None:
+    """Write the drawing."""
+    save(draw, folder / "three-prrs.svg", (10.5, 6.0), {"font.size": 10})
 
 
 if __name__ == "__main__":
-    main()
+    main(folder_given(DOCS / "mechanisms"))
