@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -57,6 +58,15 @@ class Row:
     gaps: Mapping[str, Difference] = field(default_factory=dict)
     over_rules: Mapping[str, Difference] = field(default_factory=dict)
     charged: bool = False
+
+    @property
+    def least_over_rules(self) -> tuple[str, Difference, bool] | None:
+        """The rule that a learned policy is least over, by how much, and whether it is better than every rule."""
+        told = {rule: item for rule, item in self.over_rules.items() if math.isfinite(item.low)}
+        if not told:
+            return None
+        hardest = min(told, key=lambda rule: told[rule].low)
+        return hardest, told[hardest], all(item.significant and item.low > 0.0 for item in told.values())
 
 
 def summarise(records: Iterable[Record], cases: Sequence[Case], bounds: Iterable[Record] = ()) -> list[Row]:

@@ -50,18 +50,23 @@ class Column:
         estimate: Estimate | None = parts[self.kind].get(self.name)
         if estimate is None or not math.isfinite(estimate.value):
             return "-", ""
-        value = self._text(estimate.value, "+" if self.kind == "difference" else "")
+        value = self.text(estimate.value, "+" if self.kind == "difference" else "")
         if not math.isfinite(estimate.low):
             return value, ""
-        interval = f"{self._text(estimate.low)} .. {self._text(estimate.high)}"
-        doubt = ""
-        if self.kind == "difference" and isinstance(estimate, Difference) and not estimate.significant:
-            doubt = " few" if estimate.n < FEWEST_PAIRS else " n.s."
-        return value, interval + doubt
+        mark = doubt(estimate) if self.kind == "difference" else ""
+        return value, f"{self.text(estimate.low)} .. {self.text(estimate.high)} {mark}".rstrip()
 
-    def _text(self, value: float, sign: str = "") -> str:
+    def text(self, value: float, sign: str = "") -> str:
+        """A value as it is shown, with a format's ``sign``."""
         rounded = round(self.scale * value, self.digits) + 0.0  # adding zero turns -0.0 into 0.0
         return f"{rounded:{sign}.{self.digits}f}"
+
+
+def doubt(item: Estimate) -> str:
+    """What marks a difference that may be none: ``n.s.``, with too few pairs ``few``; empty for any other."""
+    if not isinstance(item, Difference) or item.significant:
+        return ""
+    return "few" if item.n < FEWEST_PAIRS else "n.s."
 
 
 WIDE = 110
@@ -202,33 +207,32 @@ def verdicts(rows: Iterable[Row]) -> list[str]:
     lines = []
     for group, members in conditions(rows).items():
         policies = [row for row in members if row.policy != BOUND]
-        for name, what, scale, digits in (("net_rate", "net rate", 100.0, 2), ("return", "return", 1.0, 3)):
-            there = [row for row in policies if name in row.scores and math.isfinite(row.scores[name].value)]
+        for column, percent, points in ((_NET_RATE, " %", " points"), (_RETURN, "", "")):
+            there = [row for row in policies if column.cell(row)[0] != "-"]
             if not there:
                 continue
-            best = max(there, key=lambda row: row.scores[name].value)
-            own = f"{scale * best.scores[name].value:.{digits}f}{' %' if scale > 1.0 else ''}"
-            if name in best.gaps and math.isfinite(best.gaps[name].value):
-                gap = f"gap to the bound {_interval(best.gaps[name], scale, digits)}{' points' if scale > 1.0 else ''}"
-            else:
-                gap = "no bound at hand"
-            lines.append(f"{group}: best {what} {own} by {best.policy}, {gap}")
+            best = max(there, key=lambda row: row.scores[column.name].value)
+            gap = best.gaps.get(column.name)
+            known = gap is not None and math.isfinite(gap.value)
+            left = f"gap to the bound {_interval(column, gap)}{points}" if known else "no bound at hand"
+            own = f"best {column.title} {column.cell(best)[0]}{percent} by {best.policy}"
+            lines.append(f"{group}: {own}, {left}")
         for row in policies:
-            told = {rule: item for rule, item in row.over_rules.items() if math.isfinite(item.low)}
-            if told:
-                hardest = min(told, key=lambda rule: told[rule].low)
-                least = told[hardest]
-                better = "better" if least.significant and least.low > 0.0 else "not better"
-                versus = f"least over {hardest}: {_interval(least, 1.0, 3, '+')}"
-                lines.append(f"{group}: {row.policy} is {better} than every rule in return; {versus}")
+            if row.least_over_rules is not None:
+                rule, by, better = row.least_over_rules
+                versus = f"least over {rule}: {_interval(_RETURN, by, '+')}"
+                lines.append(
+                    f"{group}: {row.policy} is {'' if better else 'not '}better than every rule in return; {versus}"
+                )
     return lines
 
 
-def _interval(estimate: Estimate, scale: float, digits: int, sign: str = "") -> str:
-    # Adding zero turns -0.0 into 0.0.
-    value, low, high = (round(scale * x, digits) + 0.0 for x in (estimate.value, estimate.low, estimate.high))
-    interval = f" [{low:.{digits}f}, {high:.{digits}f}]" if math.isfinite(low) else ""
-    return f"{value:{sign}.{digits}f}{interval}"
+_NET_RATE, _RETURN = Column("net rate", "net_rate", 100.0, 2), Column("return", "return", 1.0, 3)
+
+
+def _interval(column: Column, estimate: Estimate, sign: str = "") -> str:
+    low, high = column.text(estimate.low), column.text(estimate.high)
+    return column.text(estimate.value, sign) + (f" [{low}, {high}]" if math.isfinite(estimate.low) else "")
 
 
 def _phases(rows: Sequence[Row]) -> list[str]:

@@ -37,3 +37,23 @@ class Bound:
 def state_of(core: Any) -> Any:
     """What holds the rules' state arrays: a part of the rules, or the rules themselves."""
     return getattr(core, "state", core)
+
+
+def check_method(method: str) -> None:
+    """Refuse an unknown method with a ValueError."""
+    if method not in METHODS:
+        raise ValueError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+
+
+def check_start(reports: str, under_way: Any) -> None:
+    """Refuse unknown reports, and an episode that is under way, with a ValueError."""
+    if reports not in REPORTS:
+        raise ValueError(f"reports = {reports!r}: choose one of {', '.join(REPORTS)}")
+    if under_way:
+        raise ValueError("the episode is under way: an instance is read right after a reset")
+
+
+def relative_gap(bound: float, found: float) -> float:
+    """How far a schedule that was found stays behind a bound; rounding is no gap."""
+    gap = float(bound - found) / max(abs(bound), 1e-9)
+    return gap if gap > 1e-9 else 0.0

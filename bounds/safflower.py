@@ -18,7 +18,7 @@ from ..envs.safflower.config import EFFORTS, SafflowerConfig
 from ..envs.safflower.core import SafflowerCore
 from ..envs.safflower.process import Shears, collected_share, cut_share, dropped_share
 from ..envs.safflower.timing import DRIVE, P, legs_s, levels_s, standing_s
-from .base import METHODS, REPORTS, Bound
+from .base import Bound, check_method, check_start
 from .stops import EXACT_TARGETS, Array, Stop, largest, shortest_cycle
 
 
@@ -57,8 +57,7 @@ class PickerInstance:
         Raises:
             ValueError: unknown method, or a reward that pays for time spent.
         """
-        if method not in METHODS:
-            raise ValueError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+        check_method(method)
         second = -self.config.weights.seconds
         if second < 0.0:
             raise ValueError(f"weights.seconds = {-second}: the bound needs a reward that does not pay for time")
@@ -97,10 +96,7 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
     Raises:
         ValueError: the episode is under way, or ``reports`` is unknown.
     """
-    if reports not in REPORTS:
-        raise ValueError(f"reports = {reports!r}: choose one of {', '.join(map(repr, REPORTS))}")
-    if core.state.head_visited[row].any() or core.state.stop[row] != 0:
-        raise ValueError("the episode is under way: an instance is read right after a reset")
+    check_start(reports, core.state.head_visited[row].any() or core.state.stop[row] != 0)
     config = core.config
     stops = [_drawn(core, row, s) if reports == "drawn" else _any(core, row, s) for s in range(config.scenario.stops)]
     mass = core.state.head_mass_g[row]

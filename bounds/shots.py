@@ -59,14 +59,17 @@ class Shots(NamedTuple):
         """Option (C,) of every share."""
         return np.repeat(np.arange(len(self.stand_s)), np.diff(self.share_first))
 
-    def least_work_s(self) -> Array:
-        """Standing times (weeds,) whose sum over killed weeds no schedule stays below."""
-        option = self.option_of_share()
-        total = np.zeros(len(self.stand_s))
+    def least(self, of_share: Array) -> Array:
+        """The least of the values (C,) of the shares that serve each weed, (weeds,)."""
+        least = np.full(self.weeds, np.inf)
+        np.minimum.at(least, self.share_weed, of_share)
+        return least
+
+    def least_split(self, value: Array) -> Array:
+        """``least`` of values (J,) split among an option's shares: no schedule stays below their sum over weeds."""
+        option, total = self.option_of_share(), np.zeros(len(self.stand_s))
         np.add.at(total, option, self.share)
-        work = np.full(self.weeds, np.inf)
-        np.minimum.at(work, self.share_weed, self.stand_s[option] / np.maximum(total[option], 1e-12))
-        return work
+        return self.least((value / np.maximum(total, 1e-12))[option])
 
 
 class _Option(NamedTuple):

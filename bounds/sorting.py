@@ -21,7 +21,7 @@ from ..envs.sorting.columns import NUMBER, REWARD, TOTAL, TRUTH
 from ..envs.sorting.config import SortingConfig
 from ..envs.sorting.state import Tables
 from ..envs.sorting.timing import hold_s, stroke_s
-from .base import METHODS, REPORTS, Bound, state_of
+from .base import Bound, check_method, check_start, relative_gap, state_of
 from .belt import Belt, Stream, best_picks, decided_late, expand, finish_s
 from .timeline import Timeline, priced
 
@@ -69,8 +69,7 @@ class SortingInstance:
             ValueError: unknown method, or a reward that pays for mistakes.
         """
         weights = self.config.weights
-        if method not in METHODS:
-            raise ValueError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+        check_method(method)
         if min(weights.placed, -weights.misplaced, -weights.dropped, -weights.wasted) < 0.0:
             raise ValueError(f"{weights}: the bound needs placed >= 0 and everything else <= 0")
         began = time.perf_counter()
@@ -82,7 +81,7 @@ class SortingInstance:
         gap = math.nan
         if self.drawn:
             found_n, found_v = self.carried_out(counted, order_n), self.carried_out(self.placed, order_v)
-            gap = max(_gap(most, found_n), _gap(value, found_v))
+            gap = max(relative_gap(most, found_n), relative_gap(value, found_v))
         cycle_s = self.cycle_time_at(net_rate)
         searched = proven_n and proven_v
         words = "all orders of picks, by dominance over the sets picked" if searched else "paths in time, items priced"
@@ -146,11 +145,6 @@ def _best(belt: Belt, stream: Stream, labels: int, seconds: float) -> tuple[floa
     return min(found.bound, float(stream.gain.sum())), order, False
 
 
-def _gap(bound: float, found: float) -> float:
-    gap = (bound - found) / max(abs(bound), 1e-9)
-    return gap if gap > 1e-9 else 0.0
-
-
 def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInstance:
     """What stands in a world of the rules right after its reset.
 
@@ -163,11 +157,8 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
     Raises:
         ValueError: the episode is under way, or ``reports`` is unknown.
     """
-    if reports not in REPORTS:
-        raise ValueError(f"reports = {reports!r}: choose one of {', '.join(REPORTS)}")
     worlds, config = state_of(core), core.config
-    if worlds.totals[row, TOTAL.time_s] > 0.0:
-        raise ValueError("the episode is under way: an instance is read right after a reset")
+    check_start(reports, worlds.totals[row, TOTAL.time_s] > 0.0)
     tables = Tables.of(config)
     places = np.vstack([tables.bins, worlds.place[row]])
     limit_s = min(tables.time_limit_s, float(worlds.end_s[row]))
@@ -234,17 +225,8 @@ def _held(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64], stray_
 
 def _drawn(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64]) -> Stream:
     number, grade = worlds.number[row, reports], worlds.report_grade[row, reports]
-    parts = {
-        name: number[:, column].copy()
-        for name, column in (
-            ("passing_s", NUMBER.passing_s),
-            ("across_m", NUMBER.across_m),
-            ("first_m", NUMBER.first_m),
-            ("last_m", NUMBER.last_m),
-            ("hold_s", NUMBER.hold_s),
-            ("least_s", NUMBER.least_s),
-        )
-    }
+    names = ("passing_s", "across_m", "first_m", "last_m", "hold_s", "least_s")
+    parts = {name: number[:, getattr(NUMBER, name)].copy() for name in names}
     gain = float(tables.weights[REWARD.placed]) * tables.values[grade]
     return Stream(**parts, known_s=worlds.seen_s[row, reports].copy(), bin=grade.copy(), gain=gain, slack_m=0.0)
 

@@ -24,7 +24,7 @@ from ..envs.transplanting.columns import E, H, L, W
 from ..envs.transplanting.config import EMPTY, HEALTHY, POOR, TransplantingConfig
 from ..envs.transplanting.core import TransplantingCore
 from ..envs.transplanting.timing import CLEARING, STRAIGHT, Places, Times, above
-from .base import METHODS, REPORTS, Bound, state_of
+from .base import Bound, check_method, check_start, relative_gap, state_of
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -97,8 +97,7 @@ class TrayInstance:
         Raises:
             ValueError: unknown method, or a reward that pays for time or for spoiled seedlings.
         """
-        if method not in METHODS:
-            raise ValueError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+        check_method(method)
         weights = self.config.weights
         if min(weights.planted, -weights.spoiled, -weights.seconds) < 0.0:
             raise ValueError(f"{weights}: the bound needs planted >= 0, spoiled <= 0 and seconds <= 0")
@@ -109,8 +108,8 @@ class TrayInstance:
         gap = math.nan
         if self.drawn:
             rate, found = carried_out(self, planted)
-            gaps = (net_rate - rate) / max(net_rate, 1e-9), (value - found) / max(abs(value), 1e-9)
-            gap = math.nan if math.isnan(rate) else float(max(gaps)) if max(gaps) > 1e-9 else 0.0
+            gaps = relative_gap(net_rate, rate), relative_gap(value, found)
+            gap = math.nan if math.isnan(rate) else max(gaps)
         words = f"{_WORDS}; {'reports as drawn' if self.drawn else 'any reports'}"
         return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, time.perf_counter() - began)
 
@@ -258,17 +257,10 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
     Raises:
         ValueError: the episode is under way, or ``reports`` is unknown.
     """
-    if reports not in REPORTS:
-        raise ValueError(f"reports = {reports!r}: choose one of {', '.join(REPORTS)}")
     state, config = state_of(core), core.config
-    if state.place[row] != core.places.park or state.source_row[row] or state.target_row[row]:
-        raise ValueError("the episode is under way: an instance is read right after a reset")
-    (rows_s, n), (rows_t, m), table, chances = (
-        core.source_shape,
-        core.target_shape,
-        core.times,
-        core.terms.chances,
-    )
+    check_start(reports, state.place[row] != core.places.park or state.source_row[row] or state.target_row[row])
+    (rows_s, n), (rows_t, m) = core.source_shape, core.target_shape
+    table, chances = core.times, core.terms.chances
     source, target = state.source_cells[row, :rows_s], state.target_cells[row, :rows_t]
     luck = state.luck[row, :rows_s]
     speed = np.full(source.shape, USELESS)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..envs.weeding.state import T
 from ..envs.weeding.timing import A, G, move_time
-from .base import METHODS, REPORTS, Bound, state_of
+from .base import Bound, check_method, check_start, relative_gap, state_of
 from .shots import STRAY_M, Shots, any_shots, drawn_shots
 from .strip import Strip, build, shortest_moves
 from .timeline import Timeline, priced
@@ -73,8 +73,7 @@ class WeedingInstance:
             ValueError: unknown method, or a reward that pays for time, energy or lost crop.
         """
         weights = self.config.weights
-        if method not in METHODS:
-            raise ValueError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+        check_method(method)
         if min(weights.killed, -weights.crop, -weights.seconds, -weights.joules) < 0.0:
             raise ValueError(f"{weights}: the bound needs killed >= 0 and everything else <= 0")
         began = time.perf_counter()
@@ -86,7 +85,7 @@ class WeedingInstance:
             kills, value = self._priced(found_n, found_v, time_limit_s)
             words = "paths in a time-expanded graph, weeds priced"
         kills = math.floor(min(kills, self.shots.weeds) + 1e-6)
-        gap = max(_gap(kills, found_n), _gap(value, found_v)) if self.core is not None else math.nan
+        gap = max(relative_gap(kills, found_n), relative_gap(value, found_v)) if self.core is not None else math.nan
         net_rate = kills / max(self.weeds, 1)
         cycle_s = self.cycle_time_at(net_rate)
         return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", gap == 0.0, gap, time.perf_counter() - began)
@@ -102,7 +101,7 @@ class WeedingInstance:
             return math.inf
         if not least:
             return 0.0
-        worked_s = np.cumsum(np.sort(shots.least_work_s()))
+        worked_s = np.cumsum(np.sort(shots.least_split(shots.stand_s)))
         moved_s = np.cumsum(np.sort(self._times_s())) - self._first_s()
         last_s = np.maximum(np.maximum(worked_s, moved_s), np.sort(self._enters_s()))
         return float((last_s / np.arange(1, shots.weeds + 1))[least - 1 :].min())
@@ -116,10 +115,7 @@ class WeedingInstance:
         """Earliest end (weeds,) of a shot that serves each weed."""
         shots, arm = self.shots, self.arm
         ends = (shots.told_m[:, G.along] - shots.slack_m - arm.front_m - self.cart_m) / self._fastest_m_s
-        ends = np.maximum(ends, 0.0) + shots.stand_s
-        earliest = np.full(shots.weeds, np.inf)
-        np.minimum.at(earliest, shots.share_weed, ends[shots.option_of_share()])
-        return earliest
+        return shots.least((np.maximum(ends, 0.0) + shots.stand_s)[shots.option_of_share()])
 
     def _priced(self, found_n: float, found_v: float, seconds: float) -> tuple[float, float]:
         """Bounds on weeds killed and on the return at a steady speed."""
@@ -145,9 +141,8 @@ class WeedingInstance:
         first, to, option, wait, end_s, start = build(self.arm, strip, self.move_s)
         share_first = np.append(shots.share_first, shots.share_first[-1])
         graph = Timeline(first, to, option, wait, end_s, start, share_first, shots.share_weed, shots.share)
-        guess = np.full(shots.weeds, np.inf)
         each = shots.option_of_share()
-        np.minimum.at(guess, shots.share_weed, (shots.stand_s + self.move_s)[each] / shots.share)
+        guess = shots.least((shots.stand_s + self.move_s)[each] / shots.share)
         one = np.ones(shots.weeds)
         nothing, cost = np.zeros(len(shots.cost) + 1), np.append(shots.cost, 0.0)
         # With any reports nearly everything can be killed: there is little to search for.
@@ -156,22 +151,14 @@ class WeedingInstance:
         kills = priced(graph, one, nothing, no_end, guess, rounds=rounds, found=found_n, time_limit_s=seconds)
         end = -second * np.maximum(end_s, self.least_s)
         # Where time is not short a weed's price is what its shot costs.
-        begin = np.full(shots.weeds, np.inf)
-        np.minimum.at(begin, shots.share_weed, shots.cost[each] / shots.share)
+        begin = shots.least(shots.cost[each] / shots.share)
         gain = one * weights.killed
         value = priced(graph, gain, cost, end, guess, rounds=rounds, found=found_v, time_limit_s=seconds, begin=begin)
         return kills.bound, value.bound
 
     def _times_s(self) -> Array:
         """Least work and way (weeds,) of each weed where the speed is free."""
-        shots = self.shots
-        option = shots.option_of_share()
-        total = np.zeros(len(shots.stand_s))
-        np.add.at(total, option, shots.share)
-        times = np.full(shots.weeds, np.inf)
-        each = (shots.stand_s + self.move_s) / np.maximum(total, 1e-12)
-        np.minimum.at(times, shots.share_weed, each[option])
-        return times
+        return self.shots.least_split(self.shots.stand_s + self.move_s)
 
     def _first_s(self) -> float:
         """The first way begins where the machine waits: it may be shorter than the others."""
@@ -187,14 +174,9 @@ class WeedingInstance:
         """Bound on the return with a free speed: time is paid for as work or as the strip's length, part by part."""
         shots, weights = self.shots, self.config.weights
         second = -weights.seconds
-        option = shots.option_of_share()
-        total = np.zeros(len(shots.stand_s))
-        np.add.at(total, option, shots.share)
         best = math.inf
         for part in np.linspace(0.0, 1.0, 11):
-            price = (shots.cost + second * part * (shots.stand_s + self.move_s)) / np.maximum(total, 1e-12)
-            each = np.full(shots.weeds, np.inf)
-            np.minimum.at(each, shots.share_weed, price[option])
+            each = shots.least_split(shots.cost + second * part * (shots.stand_s + self.move_s))
             value = float(np.maximum(weights.killed - each, 0.0).sum())
             best = min(best, value + second * (part * self._first_s() - (1.0 - part) * self.least_s))
         return best
@@ -205,11 +187,6 @@ class WeedingInstance:
 
         results = [tended(self.core, urgency) for urgency in URGENCIES]
         return max(kills for kills, _ in results), max(value for _, value in results)
-
-
-def _gap(bound: float, found: float) -> float:
-    gap = float((bound - found) / max(abs(bound), 1e-9))
-    return gap if gap > 1e-9 else 0.0
 
 
 def late_s(arm: Any) -> float:
@@ -231,11 +208,8 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInsta
     Raises:
         ValueError: the episode is under way, or ``reports`` is unknown.
     """
-    if reports not in REPORTS:
-        raise ValueError(f"reports = {reports!r}: choose one of {', '.join(REPORTS)}")
     state, tables, config, arm = state_of(core), core.tables, core.config, core.machine
-    if state.totals[row, T.time] > 0.0:
-        raise ValueError("the episode is under way: an instance is read right after a reset")
+    check_start(reports, state.totals[row, T.time] > 0.0)
     fastest = float(config.cart.speed_range_m_s[1]) if config.speed_control else float(config.speed_m_s)
     cart = float(state.cart[row])
     least_s = (tables.end_m - tables.blind_m - cart) / fastest

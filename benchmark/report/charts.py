@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from .markup import EMPTY, Markup, join, number, tag
+from .markup import EMPTY, Markup, number, tag
 from .reader import Tier
 from .styles import Style
-from .svg import HALF, Axis, Box, Size, axis, chart, frame, marker, place_labels, points, series, text_width
+from .svg import Axis, Box, Size, axis, both, chart, frame, marker, place_labels, points, series, text_width
 
 Styles = Mapping[str, Style]
 
@@ -17,9 +17,14 @@ BEYOND = "beyond the bound"
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 14.0, 34.0, 48.0
 
 
-def both(draw: Callable[[Size], Markup], sizes: tuple[Size, ...] = HALF) -> Markup:
-    """A chart for a wide page and one for a phone."""
-    return join(draw(size) for size in sizes)
+def _across(size: Size, low: float, high: float) -> Axis:
+    """The axis under a chart, ending at its values."""
+    return axis(low, high, LEFT, size.width - RIGHT, size.ticks(6, 4), tight=True)
+
+
+def _up(size: Size, low: float, high: float, tight: bool = False) -> Axis:
+    """The axis on a chart's left."""
+    return axis(low, high, size.height - BOTTOM, TOP, 5, tight)
 
 
 def pareto(tier: Tier, styles: Styles) -> Markup:
@@ -53,10 +58,8 @@ def _pareto(tier: Tier, styles: Styles, spots: Mapping[str, Spot], size: Size) -
         ys.append(100.0 * float(frontier[-1, 0]))
         xs.append(float(frontier[-1, 1]))
     x_pad, y_pad = (0.06 * max(max(v) - min(v), 1e-3 * abs(max(v)) + 1e-9) for v in (xs, ys))
-    x = axis(
-        max(min(xs) - x_pad, 0.0), max(xs) + x_pad, LEFT, size.width - RIGHT, 6 if size.width > 400 else 4, tight=True
-    )
-    y = axis(max(min(ys) - y_pad, 0.0), min(max(ys) + y_pad, 101.0), size.height - BOTTOM, TOP, 5, tight=True)
+    x = _across(size, max(min(xs) - x_pad, 0.0), max(xs) + x_pad)
+    y = _up(size, max(min(ys) - y_pad, 0.0), min(max(ys) + y_pad, 101.0), tight=True)
     parts: list[Markup] = [frame(x, y, "cycle time, s  (shorter is better)", "net rate, %  (higher is better)")]
     clip = f"clip-{_slug(tier)}-{size.name}"
     if frontier is not None and len(frontier):
@@ -157,13 +160,11 @@ def _cumulative(tier: Tier, styles: Styles, size: Size) -> Markup:
     longest = max(float(curve.time_s[-1]) for curve in tier.curves.values())
     unit, scale = ("min", 60.0) if longest > 300.0 else ("s", 1.0)
     top = max(100.0 * float(curve.high.max()) for curve in tier.curves.values())
-    x = axis(0.0, longest / scale, LEFT, size.width - RIGHT, 6 if size.width > 400 else 4, tight=True)
-    y = axis(0.0, min(top * 1.02, 100.0), size.height - BOTTOM, TOP, 5)
+    x = _across(size, 0.0, longest / scale)
+    y = _up(size, 0.0, min(top * 1.02, 100.0))
     drawn = []
-    for policy in _reference_last(tier):
-        curve = tier.curves.get(policy)
-        if curve is None:
-            continue
+    for policy in _reference_last(tier, tier.curves):
+        curve = tier.curves[policy]
         at = [x(float(value) / scale) for value in curve.time_s]
         rate, low, high = (
             [y(100.0 * float(value)) for value in values] for values in (curve.rate, curve.low, curve.high)
@@ -195,21 +196,11 @@ def _profile(tier: Tier, styles: Styles, values: Mapping[str, np.ndarray], size:
     low = min(float(own[0]) for own in values.values())
     high = max(float(own[-1]) for own in values.values())
     pad = max(0.04 * (high - low), 0.002)
-    x = axis(
-        max(100.0 * (low - pad), 0.0),
-        min(100.0 * (high + pad), 100.0),
-        LEFT,
-        size.width - RIGHT,
-        6 if size.width > 400 else 4,
-        tight=True,
-    )
-    y = axis(0.0, 100.0, size.height - BOTTOM, TOP, 5)
+    x = _across(size, max(100.0 * (low - pad), 0.0), min(100.0 * (high + pad), 100.0))
+    y = _up(size, 0.0, 100.0)
     drawn = []
-    for policy in _reference_last(tier):
-        own = values.get(policy)
-        if own is None:
-            continue
-        n = len(own)
+    for policy in _reference_last(tier, values):
+        own, n = values[policy], len(values[policy])
         tip = f"{policy}\nhalf of its {n} episodes reach {100.0 * float(np.median(own)):.1f} %"
         steps = (
             f"H{number(x(100.0 * float(value)), 1)}V{number(y(100.0 * (n - i) / n), 1)}"
@@ -226,9 +217,10 @@ def _profile(tier: Tier, styles: Styles, values: Mapping[str, np.ndarray], size:
     )
 
 
-def _reference_last(tier: Tier) -> list[str]:
-    """Drawn last, so that it lies on top."""
-    return sorted(tier.policies, key=lambda name: (name == tier.reference, name != "random"))
+def _reference_last(tier: Tier, there: Mapping[str, object]) -> list[str]:
+    """The policies that are ``there``, the reference last, so that it lies on top."""
+    names = [name for name in tier.policies if name in there]
+    return sorted(names, key=lambda name: (name == tier.reference, name != "random"))
 
 
 def _slug(tier: Tier) -> str:

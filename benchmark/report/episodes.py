@@ -70,6 +70,11 @@ class Timeline:
     words: tuple[str, ...]
 
     @property
+    def edges_s(self) -> Array:
+        """(n x phases + 1,) when each stretch of a phase began, and the end of the last one."""
+        return self.began_s + np.concatenate([[0.0], np.cumsum(self.seconds.ravel())])
+
+    @property
     def ends_s(self) -> Array:
         """(n,) when each decision was over."""
         return self.began_s + np.cumsum(self.seconds.sum(axis=1))

@@ -12,7 +12,7 @@ from .episodes import Timeline
 from .markup import EMPTY, Markup, number, tag
 from .reader import Tier
 from .styles import phase_kinds
-from .svg import Size, axis, chart, series
+from .svg import Axis, Size, axis, both, chart, series
 
 Array = NDArray[np.float64]
 
@@ -57,20 +57,14 @@ def seconds_each(tier: Tier) -> Markup:
             bars[row.policy] = values
     if not bars:
         return EMPTY
-    return Markup("".join(_seconds_each(tier, phases, bars, size) for size in FULL))
+    return both(lambda size: _seconds_each(tier, phases, bars, size), FULL)
 
 
 def _seconds_each(tier: Tier, phases: Sequence[str], bars: Mapping[str, Sequence[float]], size: Size) -> Markup:
     kinds = phase_kinds(phases)
     size = Size(size.name, size.width, ROW * len(bars) + 44.0)
-    x = axis(
-        0.0,
-        max(sum(values) for values in bars.values()),
-        0.0,
-        size.width - 52.0,
-        8 if size.width > 400 else 4,
-        tight=True,
-    )
+    longest = max(sum(values) for values in bars.values())
+    x = axis(0.0, longest, 0.0, size.width - 52.0, size.ticks(8, 4), tight=True)
     drawn = [_time_axis(x, size, "s a finished target")]
     for i, (policy, values) in enumerate(bars.items()):
         at, top, parts = 0.0, i * ROW, []
@@ -96,30 +90,24 @@ def _digits(total: float) -> int:
     return 1 if total >= 5.0 else 2
 
 
-def _time_axis(x, size: Size, title: str) -> Markup:
+def _time_axis(x: Axis, size: Size, title: str) -> Markup:
     """Ticks under the bars, over the whole height."""
     bottom = size.height - 34.0
     parts = [tag("line", _class="grid", x1=x(value), x2=x(value), y1=0.0, y2=bottom) for value in x.ticks[1:]]
-    parts += [
-        tag(
-            "text",
-            x.label(value),
-            _class="tick",
-            x=x(value),
-            y=bottom + 15.0,
-            text_anchor="middle" if value else "start",
-        )
-        for value in x.ticks
-    ]
+    parts += [_tick(x, value, x.label(value), bottom + 15.0) for value in x.ticks]
     parts.append(tag("text", title, _class="title", x=x.end, y=bottom + 30.0, text_anchor="end"))
     return tag("g", parts, _class="frame")
+
+
+def _tick(x: Axis, value: float, text: str, y: float) -> Markup:
+    return tag("text", text, _class="tick", x=x(value), y=y, text_anchor="middle" if value else "start")
 
 
 def episode(tier: Tier) -> Markup:
     """One whole episode a policy on one scale; a narrow column holds the shares of its seconds. Empty without any."""
     if not tier.timelines:
         return EMPTY
-    return Markup("".join(_episode(tier, size) for size in FULL))
+    return both(lambda size: _episode(tier, size), FULL)
 
 
 def _episode(tier: Tier, size: Size) -> Markup:
@@ -127,7 +115,7 @@ def _episode(tier: Tier, size: Size) -> Markup:
     size = Size(size.name, size.width, ROW * len(timelines) + 44.0)
     longest = max(timeline.duration_s for timeline in timelines)
     unit, scale = ("min", 60.0) if longest > 300.0 else ("s", 1.0)
-    x = axis(0.0, longest / scale, 0.0, size.width - 2.0, 10 if size.width > 400 else 5, tight=True)
+    x = axis(0.0, longest / scale, 0.0, size.width - 2.0, size.ticks(10, 5), tight=True)
     drawn = [_time_axis(x, size, f"time, {unit}")]
     pixels_s = (x.end - x.start) / longest
     for i, timeline in enumerate(timelines):
@@ -161,8 +149,7 @@ def _filled(path: str, kind: str) -> Markup:
 def stretches_of(timeline: Timeline, pixels_s: float, top: float, height: float, until_s: float) -> list[Markup]:
     """A path a phase, a rectangle every time that the machine is in it, up to a time."""
     kinds, paths = phase_kinds(timeline.phases), []
-    starts = timeline.began_s + np.concatenate([[0.0], np.cumsum(timeline.seconds.ravel())])[:-1]
-    starts = starts.reshape(timeline.seconds.shape)
+    starts = timeline.edges_s[:-1].reshape(timeline.seconds.shape)
     for j, name in enumerate(timeline.phases):
         parts = []
         for start, seconds in zip(starts[:, j], timeline.seconds[:, j], strict=True):
@@ -204,16 +191,14 @@ def binned(timeline: Timeline, width_s: float) -> Array:
         timeline: an episode.
         width_s: seconds of a bin.
     """
-    edges = timeline.began_s + np.concatenate([[0.0], np.cumsum(timeline.seconds.ravel())])
+    edges = timeline.edges_s
     bins = int(np.ceil(edges[-1] / width_s - 1e-9))
     at = np.arange(bins + 1) * width_s
     shares = np.zeros((bins, len(timeline.phases)))
     for j in range(len(timeline.phases)):
-        spent = np.zeros(len(edges))
         own = np.zeros_like(timeline.seconds)
         own[:, j] = timeline.seconds[:, j]
-        spent[1:] = np.cumsum(own.ravel())
-        shares[:, j] = np.diff(np.interp(at, edges, spent)) / width_s
+        shares[:, j] = np.diff(np.interp(at, edges, np.append(0.0, np.cumsum(own.ravel())))) / width_s
     return shares
 
 
@@ -270,33 +255,25 @@ def _close_up_row(timeline: Timeline, pixels_s: float, shown_s: float) -> Markup
 
 def _ends(timeline: Timeline, n: int, pixels_s: float, shown_s: float) -> Markup:
     """A tick under each decision that finished a target, a cross under one that damaged one."""
-    before = np.concatenate([[0.0], timeline.done[:-1]])
-    harmed = np.concatenate([[0.0], timeline.damaged[:-1]])
-    done, cross = [], []
-    for end, gained, hurt in zip(
-        timeline.ends_s[:n], (timeline.done - before)[:n], (timeline.damaged - harmed)[:n], strict=True
-    ):
-        at = number(end * pixels_s, 1)
-        if end > shown_s:
-            continue
-        if hurt > 0:
-            cross.append(f"M{at} 27m-3-3l6 6m0-6l-6 6")
-        elif gained > 0:
-            done.append(f"M{at} 23l3 6h-6z")
-    return tag(
-        "g",
-        tag("path", _class="finished", d="".join(done)) if done else None,
-        tag("path", _class="harmed", d="".join(cross)) if cross else None,
-    )
+    gained, hurt = (np.diff(count, prepend=0.0) > 0.0 for count in (timeline.done, timeline.damaged))
+    shown = timeline.ends_s <= shown_s
+    shown[n:] = False
+    marks = {
+        "finished": (gained & ~hurt & shown, "M{} 23l3 6h-6z"),
+        "harmed": (hurt & shown, "M{} 27m-3-3l6 6m0-6l-6 6"),
+    }
+    paths = {
+        name: "".join(mark.format(number(end * pixels_s, 1)) for end in timeline.ends_s[which])
+        for name, (which, mark) in marks.items()
+    }
+    return tag("g", [tag("path", _class=name, d=path) for name, path in paths.items() if path])
 
 
 def _ruler(pixels_s: float, shown_s: float) -> Markup:
     x = axis(0.0, shown_s, 0.0, pixels_s * shown_s, max(int(pixels_s * shown_s / 90.0), 2), tight=True)
     parts = []
     for value in x.ticks:
-        at = x(value)
-        anchor = "start" if value == 0.0 else "middle"
-        parts.append(tag("line", _class="tickmark", x1=at, x2=at, y1=0.0, y2=5.0))
-        parts.append(tag("text", f"{x.label(value)} s", _class="tick", x=at, y=18.0, text_anchor=anchor))
+        parts.append(tag("line", _class="tickmark", x1=x(value), x2=x(value), y1=0.0, y2=5.0))
+        parts.append(_tick(x, value, f"{x.label(value)} s", 18.0))
     size = f"0 0 {number(x.end)} 24"
     return tag("svg", parts, _class="strip", width=number(x.end), height="24", viewBox=size)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..statistics import FEWEST_PAIRS, Difference, Estimate
 from ..suites import BOUND
 from ..summary import Row
-from ..tables import Column
+from ..tables import Column, doubt
 from .markup import Markup, tag
 from .reader import Tier, Transfer
 from .styles import Style
@@ -33,13 +32,6 @@ MINUS, NONE = "\u2212", "\u2013"
 """A true minus sign, and what stands where there is no value."""
 
 BOUND_STYLE = Style("bound", "circle")
-
-
-def doubt(item: Estimate) -> str:
-    """What marks a difference that may be none: ``n.s.``, with too few pairs ``few``; empty for any other."""
-    if not isinstance(item, Difference) or item.significant:
-        return ""
-    return "few" if item.n < FEWEST_PAIRS else "n.s."
 
 
 def chips(tier: Tier, styles: dict[str, Style]) -> Markup:
@@ -82,14 +74,14 @@ def table(tier: Tier, styles: dict[str, Style], groups: Groups = TABLE) -> Marku
     ]
     first = tag("th", "policy", scope="col", rowspan=2)
     head = [tag("tr", first, above), tag("tr", below, _class="sub")] if len(groups) > 1 else tag("tr", first, below)
-    return tag(
-        "div",
-        tag("table", tag("thead", head), tag("tbody", lines)),
-        _class="scroll tablebox",
-        tabindex="0",
-        role="region",
-        aria_label=f"Scores, {tier.condition}",
-    )
+    return boxed(head, lines, f"Scores, {tier.condition}")
+
+
+def boxed(head: object, lines: Sequence[Markup], label: str | None = None, kind: str = "") -> Markup:
+    """A table that is scrolled sideways where it is too wide, by keyboard too where a ``label`` says what it is."""
+    reached = {} if label is None else {"tabindex": "0", "role": "region", "aria_label": label}
+    grid = tag("table", tag("thead", head), tag("tbody", lines))
+    return tag("div", grid, _class=f"scroll tablebox {kind}".rstrip(), **reached)
 
 
 def _has(tier: Tier, column: Column) -> bool:
@@ -170,23 +162,19 @@ def over_rules(rows: Sequence[Row]) -> Markup:
             cells = [_td(f"{item.value:+.3f}", span, doubt(item))]
             lines.append(tag("tr", tag("th", f"{row.policy} {MINUS} {rule}", scope="row"), cells))
     heads = [tag("th", text, scope="col") for text in ("pair", "difference in return")]
-    return tag(
-        "div", tag("table", tag("thead", tag("tr", heads)), tag("tbody", lines)), _class="scroll tablebox compact"
-    )
+    return boxed(tag("tr", heads), lines, kind="compact")
 
 
 def moved(move: Transfer) -> list[Markup]:
     """Cells of a policy's differences between the backends."""
     cells = []
-    for name, scale, digits in (("net_rate", 100.0, 2), ("cycle_time_s", 1.0, 3), ("return", 1.0, 3)):
-        item = move.differences[name]
+    for column in (Column("", *_RATE), Column("", "cycle_time_s", 1.0, 3), Column("", *_RETURN)):
+        item = move.differences[column.name]
         if not math.isfinite(item.value):
             cells.append(tag("td", NONE))
             continue
-        low, high = (f"{round(scale * end, digits) + 0.0:.{digits}f}" for end in (item.low, item.high))
-        before, after = (f"{scale * value:.{digits}f}" for value in move.means[name])
-        value = f"{round(scale * item.value, digits) + 0.0:+.{digits}f}"
-        interval = f"{low} to {high}" if math.isfinite(item.low) else ""
+        interval = f"{column.text(item.low)} to {column.text(item.high)}" if math.isfinite(item.low) else ""
+        before, after = map(column.text, move.means[column.name])
         tip = f"{move.policy}\nanalytic {before}\nPyBullet {after}"
-        cells.append(_td(value, interval, doubt(item), tip=tip))
+        cells.append(_td(column.text(item.value, "+"), interval, doubt(item), tip=tip))
     return cells

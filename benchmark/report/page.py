@@ -101,18 +101,7 @@ def _glance(study: Study, styles: Mapping[str, Style]) -> Markup:
             "the bound that no policy can pass.",
             _class="about",
         ),
-        tag(
-            "div",
-            tag(
-                "table",
-                tag("thead", tag("tr", first, above), tag("tr", below, _class="sub")),
-                tag("tbody", lines),
-            ),
-            _class="scroll tablebox glance",
-            tabindex="0",
-            role="region",
-            aria_label="Summary",
-        ),
+        grids.boxed([tag("tr", first, above), tag("tr", below, _class="sub")], lines, "Summary", "glance"),
         id="glance",
     )
 

@@ -7,10 +7,10 @@ import re
 
 from ..suites import Condition
 from ..summary import Row
-from ..tables import MARKDOWN
+from ..tables import MARKDOWN, doubt
 from ..thinking import CHARGED
 from . import charts, gantt
-from .grids import TABLE, broken, chips, doubt, holds, minus, moved, over_rules, swatch, table
+from .grids import TABLE, boxed, broken, chips, holds, minus, moved, over_rules, swatch, table
 from .markup import EMPTY, Markup, tag
 from .reader import Chapter, Tier
 from .styles import Style
@@ -62,17 +62,17 @@ def chapter(item: Chapter, styles: dict[str, Style]) -> Markup:
         _more(tier, styles),
         tag(
             "div",
-            _figure(
+            figure(
                 "Net rate against cycle time",
                 "Means with 95 % intervals; up and to the left is better.",
                 charts.pareto(tier, styles),
             ),
-            _figure(
+            figure(
                 "Net rate over the episode",
                 f"Mean of {_most(tier)} episodes; point at a policy for its 10 to 90 % range.",
                 charts.cumulative(tier, styles),
             ),
-            _figure(
+            figure(
                 "How often a net rate is reached",
                 "Share of the episodes with at least this net rate; further right is better.",
                 charts.profile(tier, styles),
@@ -138,31 +138,22 @@ def _verdict(tier: Tier) -> Markup:
     return tag("p", said, _class="verdict")
 
 
-def _learned(row: Row) -> Markup:
+def _learned(row: Row) -> list[str]:
     """Whether a learned policy is better than every rule."""
-    told = {rule: item for rule, item in row.over_rules.items() if math.isfinite(item.low)}
-    if not told:
-        return EMPTY
-    hardest = min(told, key=lambda rule: told[rule].low)
-    item = told[hardest]
-    better = all(other.significant and other.low > 0.0 for other in told.values())
-    says = "is better than every rule in return" if better else "is not better than every rule in return"
-    return Markup(
-        tag("b", row.policy)
-        + f" {says}, least over {hardest}: {minus(f'{item.value:+.3f} ({item.low:.3f} to {item.high:.3f})')}. "
-    )
+    if row.least_over_rules is None:
+        return []
+    rule, by, better = row.least_over_rules
+    interval = minus(f"{by.value:+.3f} ({by.low:.3f} to {by.high:.3f})")
+    says = f" is {'' if better else 'not '}better than every rule in return"
+    return [tag("b", row.policy), f"{says}, least over {rule}: {interval}. "]
 
 
 def _difference(row: Row, name: str) -> str:
-    scale, digits, unit = {
-        "net_rate": (100.0, 2, "points"),
-        "cycle_time_s": (1.0, 2, "s"),
-        "return": (1.0, 3, ""),
-    }[name]
+    unit = {"net_rate": " points", "cycle_time_s": " s", "return": ""}[name]
     item = row.differences.get(name)
     if item is None or not math.isfinite(item.value):
-        return f"unknown {unit}".rstrip()
-    return f"{minus(f'{round(scale * item.value, digits) + 0.0:+.{digits}f}')} {unit}".rstrip() + DOUBTS[doubt(item)]
+        return f"unknown{unit}"
+    return minus(FIGURES[name].text(item.value, "+")) + unit + DOUBTS[doubt(item)]
 
 
 def _more(tier: Tier, styles: dict[str, Style]) -> Markup:
@@ -189,10 +180,9 @@ def _more(tier: Tier, styles: dict[str, Style]) -> Markup:
     )
 
 
-def _figure(title: str, caption: str, drawing: Markup) -> Markup:
-    if not drawing:
-        return EMPTY
-    return tag("figure", tag("figcaption", tag("b", title), tag("span", caption)), drawing)
+def figure(title: str, caption: str, *content: Markup) -> Markup:
+    """A figure with its caption; empty where any part of it is."""
+    return tag("figure", tag("figcaption", tag("b", title), tag("span", caption)), content) if all(content) else EMPTY
 
 
 def _transfer(item: Chapter, styles: dict[str, Style]) -> Markup:
@@ -216,50 +206,31 @@ def _transfer(item: Chapter, styles: dict[str, Style]) -> Markup:
         for move in item.transfer
     ]
     heads = [tag("th", broken(text), scope="col") for text in ("policy", "net rate, points", "cycle time, s", "return")]
-    return tag(
-        "figure",
-        tag(
-            "figcaption",
-            tag("b", "From the analytic backend to PyBullet"),
-            tag("span", f"PyBullet minus analytic on {pairs} shared seeds, {eyes}."),
-        ),
-        tag("div", tag("table", tag("thead", tag("tr", heads)), tag("tbody", lines)), _class="scroll tablebox compact"),
+    return figure(
+        "From the analytic backend to PyBullet",
+        f"PyBullet minus analytic on {pairs} shared seeds, {eyes}.",
+        boxed(tag("tr", heads), lines, kind="compact"),
     )
 
 
 def _seconds(tier: Tier) -> Markup:
-    drawing = gantt.seconds_each(tier)
-    if not drawing:
-        return EMPTY
-    return tag(
-        "figure",
-        tag(
-            "figcaption",
-            tag("b", "Where the seconds of a finished target go"),
-            tag("span", "All seconds of an episode, shared among its finished targets; mean over the episodes."),
-        ),
+    return figure(
+        "Where the seconds of a finished target go",
+        "All seconds of an episode, shared among its finished targets; mean over the episodes.",
         gantt.legend(gantt.phases_of(tier)),
-        drawing,
+        gantt.seconds_each(tier),
     )
 
 
 def _episode(tier: Tier) -> Markup:
-    overview = gantt.episode(tier)
-    if not overview:
+    if not tier.timelines:
         return EMPTY
     field = next(iter(tier.timelines.values())).field
-    return tag(
-        "figure",
-        tag(
-            "figcaption",
-            tag("b", "One episode, second by second"),
-            tag(
-                "span",
-                f"The same for every policy, {tier.condition.instances} {field}: what the machine did, start to end.",
-            ),
-        ),
+    return figure(
+        "One episode, second by second",
+        f"The same for every policy, {tier.condition.instances} {field}: what the machine did, start to end.",
         gantt.legend(gantt.phases_of(tier)),
-        overview,
+        gantt.episode(tier),
         tag(
             "p",
             tag("b", "Decision by decision"),

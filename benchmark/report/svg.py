@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from .markup import Markup, join, number, tag
@@ -23,6 +23,10 @@ class Size:
     name: str
     width: float
     height: float
+
+    def ticks(self, wide: int, narrow: int) -> int:
+        """How many ticks an axis across the chart has room for."""
+        return wide if self.width > 400.0 else narrow
 
 
 HALF = (Size("wide", 560.0, 380.0), Size("narrow", 350.0, 320.0))
@@ -105,6 +109,11 @@ def frame(x: Axis, y: Axis, x_title: str, y_title: str) -> Markup:
     return tag("g", parts, _class="frame")
 
 
+def both(draw: Callable[[Size], Markup], sizes: tuple[Size, ...] = HALF) -> Markup:
+    """A chart for a wide page and one for a phone."""
+    return join(draw(size) for size in sizes)
+
+
 def chart(size: Size, label: str, *children: object) -> Markup:
     """The whole drawing; ``label`` is what a screen reader says."""
     return tag(
@@ -132,40 +141,32 @@ def marker(style: Style, x: float, y: float, radius: float = 5.5) -> Markup:
 
 
 def _polygon(shape: str, x: float, y: float, r: float) -> str:
-    corners: Sequence[tuple[float, float]]
-    if shape == "square":
-        corners = [(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)]
-    elif shape == "diamond":
-        corners = [(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)]
-    elif shape == "up":
-        corners = [(0.0, -1.25), (1.15, 0.85), (-1.15, 0.85)]
-    elif shape == "down":
-        corners = [(0.0, 1.25), (1.15, -0.85), (-1.15, -0.85)]
-    elif shape == "right":
-        corners = [(1.25, 0.0), (-0.85, 1.15), (-0.85, -1.15)]
-    elif shape == "star":
-        turns = [math.pi * (i / 5.0 - 0.5) for i in range(10)]
-        corners = [
-            ((1.5 if i % 2 == 0 else 0.68) * math.cos(t), (1.5 if i % 2 == 0 else 0.68) * math.sin(t))
-            for i, t in enumerate(turns)
-        ]
-    else:
-        a, b = 0.42, 1.2
-        corners = [
-            (-a, -b),
-            (a, -b),
-            (a, -a),
-            (b, -a),
-            (b, a),
-            (a, a),
-            (a, b),
-            (-a, b),
-            (-a, a),
-            (-b, a),
-            (-b, -a),
-            (-a, -a),
-        ]
+    corners = _CORNERS[shape]
     return points((x + r * dx for dx, _ in corners), (y + r * dy for _, dy in corners)) + "Z"
+
+
+def _star() -> list[tuple[float, float]]:
+    turns = [(1.5 if i % 2 == 0 else 0.68, math.pi * (i / 5.0 - 0.5)) for i in range(10)]
+    return [(radius * math.cos(turn), radius * math.sin(turn)) for radius, turn in turns]
+
+
+def _cross() -> list[tuple[float, float]]:
+    corners = [(-0.42, -1.2), (0.42, -1.2), (0.42, -0.42)]
+    for _ in range(3):
+        corners += [(-y, x) for x, y in corners[-3:]]
+    return corners
+
+
+_CORNERS: dict[str, Sequence[tuple[float, float]]] = {
+    "square": [(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
+    "diamond": [(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)],
+    "up": [(0.0, -1.25), (1.15, 0.85), (-1.15, 0.85)],
+    "down": [(0.0, 1.25), (1.15, -0.85), (-1.15, -0.85)],
+    "right": [(1.25, 0.0), (-0.85, 1.15), (-0.85, -1.15)],
+    "star": _star(),
+    "cross": _cross(),
+}
+"""Corners of a marker of radius 1."""
 
 
 def series(policy: str, tip: str, *children: object) -> Markup:
