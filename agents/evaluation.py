@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from os import PathLike
@@ -74,56 +74,51 @@ def evaluate(
         raise ValueError(f"{len(fields)} fields for {len(seeds)} seeds: give one a seed")
     batched = backend == "analytic" and kwargs.get("perception") != "camera" and task(env_id).vector_entry_point
     play = _together if batched else partial(_alone, backend=backend)
-    return play(make_policy, env_id, [int(seed) for seed in seeds], fields, on_episode, kwargs)
-
-
-def _together(
-    make_policy: Callable[[Any], Policy],
-    env_id: str,
-    seeds: list[int],
-    fields: Fields,
-    on_episode: Callable[[int], None],
-    kwargs: dict[str, Any],
-) -> Scores:
-    parts = []
-    for start in range(0, len(seeds), BATCH):
-        some = slice(start, start + BATCH)
-        parts.append(_batch(make_policy, env_id, seeds[some], None if fields is None else fields[some], kwargs))
-        on_episode(min(start + BATCH, len(seeds)))
-    names = parts[0].scorecard
+    parts: list[Scores] = []
+    for part in play(make_policy, env_id, [int(seed) for seed in seeds], fields, kwargs):
+        parts.append(part)
+        on_episode(sum(len(each.seeds) for each in parts))
     decisions = np.concatenate([part.decisions for part in parts])
     return Scores(
         np.array(seeds),
         np.concatenate([part.returns for part in parts]),
         decisions,
-        {name: np.concatenate([part.scorecard[name] for part in parts]) for name in names},
-        sum(part.decision_s * part.decisions.sum() for part in parts) / float(decisions.sum()),
+        {name: np.concatenate([part.scorecard[name] for part in parts]) for name in parts[0].scorecard},
+        sum(part.decision_s * part.decisions.sum() for part in parts) / float(max(decisions.sum(), 1)),
     )
 
 
-def _batch(
+def _together(
     make_policy: Callable[[Any], Policy], env_id: str, seeds: list[int], fields: Fields, kwargs: dict[str, Any]
-) -> Scores:
-    n = len(seeds)
-    env: Any = gym.make_vec(
-        env_id, n, vectorization_mode="vector_entry_point", autoreset_mode=gym.vector.AutoresetMode.DISABLED, **kwargs
-    )
-    try:
-        policy = make_policy(env)
-        observation, _ = env.reset(seed=seeds, options=None if fields is None else {"fields": list(fields)})
-        returns, counts, thought_s = np.zeros(n), np.zeros(n, np.int64), 0.0
-        scorecard: dict[str, Array] = {name: np.zeros(n) for name in env.unwrapped.core.score_names}
-        for decision in batch_decisions(env, policy, observation):
-            under_way, ending = decision.under_way, decision.ending
-            thought_s += decision.thought_s
-            returns[under_way] += decision.rewards[under_way]
-            counts += under_way
-            if ending.any():
-                for name, values in scorecard.items():
-                    values[ending] = decision.info["scorecard"][name][ending]
-    finally:
-        env.close()
-    return Scores(np.array(seeds), returns, counts, scorecard, thought_s / float(counts.sum()))
+) -> Iterator[Scores]:
+    """A batch of episodes at a time."""
+    for start in range(0, len(seeds), BATCH):
+        some = slice(start, start + BATCH)
+        n = len(seeds[some])
+        env: Any = gym.make_vec(
+            env_id,
+            n,
+            vectorization_mode="vector_entry_point",
+            autoreset_mode=gym.vector.AutoresetMode.DISABLED,
+            **kwargs,
+        )
+        try:
+            policy = make_policy(env)
+            options = None if fields is None else {"fields": list(fields[some])}
+            observation, _ = env.reset(seed=seeds[some], options=options)
+            returns, counts, thought_s = np.zeros(n), np.zeros(n, np.int64), 0.0
+            scorecard: dict[str, Array] = {name: np.zeros(n) for name in env.unwrapped.core.score_names}
+            for decision in batch_decisions(env, policy, observation):
+                under_way, ending = decision.under_way, decision.ending
+                thought_s += decision.thought_s
+                returns[under_way] += decision.rewards[under_way]
+                counts += under_way
+                if ending.any():
+                    for name, values in scorecard.items():
+                        values[ending] = decision.info["scorecard"][name][ending]
+        finally:
+            env.close()
+        yield Scores(np.array(seeds[some]), returns, counts, scorecard, thought_s / float(counts.sum()))
 
 
 def _alone(
@@ -131,33 +126,23 @@ def _alone(
     env_id: str,
     seeds: list[int],
     fields: Fields,
-    on_episode: Callable[[int], None],
     kwargs: dict[str, Any],
     backend: str,
-) -> Scores:
+) -> Iterator[Scores]:
+    """An episode at a time."""
     env: Any = gym.make(env_id, backend=backend, disable_env_checker=True, **kwargs)
-    returns, counts, cards, thought_s = [], [], [], 0.0
     try:
         policy = make_policy(env)
         for number, seed in enumerate(seeds):
             observation, info = begin(env, seed, None if fields is None else fields[number])
-            total, steps = 0.0, 0
+            total, steps, thought_s = 0.0, 0, 0.0
             for decision in decisions(env, policy, observation):
                 thought_s += decision.thought_s
                 total, steps, info = total + decision.reward, steps + 1, decision.info
-            returns.append(total)
-            counts.append(steps)
-            cards.append(info["scorecard"])
-            on_episode(number + 1)
+            card = {name: np.array([float(value)]) for name, value in info["scorecard"].items()}
+            yield Scores(np.array([seed]), np.array([total]), np.array([steps]), card, thought_s / max(steps, 1))
     finally:
         env.close()
-    return Scores(
-        np.array(seeds),
-        np.array(returns),
-        np.array(counts),
-        {name: np.array([float(card[name]) for card in cards]) for name in cards[0]},
-        thought_s / max(sum(counts), 1),
-    )
 
 
 def mean(values: Array) -> float:

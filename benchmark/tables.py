@@ -213,8 +213,9 @@ def verdicts(rows: Iterable[Row]) -> list[str]:
                 continue
             best = max(there, key=lambda row: row.scores[column.name].value)
             gap = best.gaps.get(column.name)
-            known = gap is not None and math.isfinite(gap.value)
-            left = f"gap to the bound {_interval(column, gap)}{points}" if known else "no bound at hand"
+            left = "no bound at hand"
+            if gap is not None and math.isfinite(gap.value):
+                left = f"gap to the bound {_interval(column, gap)}{points}"
             own = f"best {column.title} {column.cell(best)[0]}{percent} by {best.policy}"
             lines.append(f"{group}: {own}, {left}")
         for row in policies:

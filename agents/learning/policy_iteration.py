@@ -92,38 +92,26 @@ def iterate(
     saved = _saved(folder / STATE) if resume else None
     folder.mkdir(parents=True, exist_ok=True)
     with FolderLock(folder):
-        return _iterate(env_id, settings, folder, first_seed, seed, saved, on_update)
-
-
-def _iterate(
-    env_id: str,
-    settings: TrainSettings,
-    folder: Path,
-    first_seed: int,
-    seed: int,
-    saved: dict[str, Any] | None,
-    on_update: Callable[[Progress], None],
-) -> Result:
-    logger = configure(str(folder / "tensorboard"), ["tensorboard"])
-    record = Journal(env_id, settings, seed, folder, logger)
-    env: Any = gym.make_vec(
-        env_id,
-        settings.episodes,
-        vectorization_mode="vector_entry_point",
-        scenario=settings.scenario,
-        autoreset_mode=AutoresetMode.DISABLED,
-    )
-    try:
-        run = _Run(record, env, first_seed)
-        if saved is not None:
-            run.restore(saved)
-        # However few decisions are asked for: without a value there is no policy.
-        while record.progress.steps < settings.steps or not record.curve:
-            run.play_round()
-            on_update(record.progress)
-        return Result(folder / BEST, record.progress, record.curve)
-    finally:
-        env.close()
+        logger = configure(str(folder / "tensorboard"), ["tensorboard"])
+        record = Journal(env_id, settings, seed, folder, logger)
+        env: Any = gym.make_vec(
+            env_id,
+            settings.episodes,
+            vectorization_mode="vector_entry_point",
+            scenario=settings.scenario,
+            autoreset_mode=AutoresetMode.DISABLED,
+        )
+        try:
+            run = _Run(record, env, first_seed)
+            if saved is not None:
+                run.restore(saved)
+            # However few decisions are asked for: without a value there is no policy.
+            while record.progress.steps < settings.steps or not record.curve:
+                run.play_round()
+                on_update(record.progress)
+            return Result(folder / BEST, record.progress, record.curve)
+        finally:
+            env.close()
 
 
 def _saved(path: Path) -> dict[str, Any]:

@@ -27,6 +27,12 @@ from .train_settings import TrainSettings
 
 STATE = "state.pt"
 RECENT_EPISODES = 200
+OF_THE_NETWORK = ("hidden", "critic_hidden", "relations")
+OF_THE_LEARNER = (
+    *("n_steps", "batch_size", "n_epochs", "gamma", "gae_lambda"),
+    *("clip_range", "ent_coef", "vf_coef", "max_grad_norm", "target_kl"),
+)
+"""Settings that have the same name in Stable-Baselines3."""
 
 
 def train(
@@ -65,42 +71,30 @@ def train(
     saved = checkpoint.read(folder / STATE) if resume else None
     folder.mkdir(parents=True, exist_ok=True)
     with FolderLock(folder):
-        return _train(env_id, settings, folder, first_seed, seed, saved, on_update)
-
-
-def _train(
-    env_id: str,
-    settings: TrainSettings,
-    folder: Path,
-    first_seed: int,
-    seed: int,
-    saved: dict[str, Any] | None,
-    on_update: Callable[[Progress], None],
-) -> Result:
-    env = make_vec_env(
-        env_id,
-        settings.num_envs,
-        scenario=settings.scenario,
-        time_limit_ends=settings.time_limit_ends,
-        reward_scale=settings.reward_scale,
-    )
-    try:
-        # SB3 hands its own seed on to the environment.
-        model = _model(env, settings, first_seed)
-        logger = configure(str(folder / "tensorboard"), ["tensorboard"])
-        record = Journal(env_id, settings, seed, folder, logger)
-        run = _Run(record, model, env, on_update)
-        model.set_logger(logger)
-        if saved is not None:
-            run.restore(saved)
-        elif settings.teacher is not None:
-            run.learn_from(settings.teacher)
-        left = settings.steps - model.num_timesteps
-        if left > 0:
-            model.learn(left, callback=run, reset_num_timesteps=False, log_interval=1)
-        return Result(folder / BEST, record.progress, record.curve)
-    finally:
-        env.close()
+        env = make_vec_env(
+            env_id,
+            settings.num_envs,
+            scenario=settings.scenario,
+            time_limit_ends=settings.time_limit_ends,
+            reward_scale=settings.reward_scale,
+        )
+        try:
+            # SB3 hands its own seed on to the environment.
+            model = _model(env, settings, first_seed)
+            logger = configure(str(folder / "tensorboard"), ["tensorboard"])
+            record = Journal(env_id, settings, seed, folder, logger)
+            run = _Run(record, model, env, on_update)
+            model.set_logger(logger)
+            if saved is not None:
+                run.restore(saved)
+            elif settings.teacher is not None:
+                run.learn_from(settings.teacher)
+            left = settings.steps - model.num_timesteps
+            if left > 0:
+                model.learn(left, callback=run, reset_num_timesteps=False, log_interval=1)
+            return Result(folder / BEST, record.progress, record.curve)
+        finally:
+            env.close()
 
 
 def _model(env: NativeVecEnv, settings: TrainSettings, seed: int) -> Any:
@@ -113,24 +107,10 @@ def _model(env: NativeVecEnv, settings: TrainSettings, seed: int) -> Any:
         policy,
         env,
         learning_rate=LinearSchedule(settings.learning_rate, settings.final_learning_rate, 1.0),
-        n_steps=settings.n_steps,
-        batch_size=settings.batch_size,
-        n_epochs=settings.n_epochs,
-        gamma=settings.gamma,
-        gae_lambda=settings.gae_lambda,
-        clip_range=settings.clip_range,
-        ent_coef=settings.ent_coef,
-        vf_coef=settings.vf_coef,
-        max_grad_norm=settings.max_grad_norm,
-        target_kl=settings.target_kl,
         seed=seed,
         device="cpu",
-        policy_kwargs={
-            "layout": layout_of(env.native),
-            "hidden": settings.hidden,
-            "critic_hidden": settings.critic_hidden,
-            "relations": settings.relations,
-        },
+        policy_kwargs={"layout": layout_of(env.native), **{name: getattr(settings, name) for name in OF_THE_NETWORK}},
+        **{name: getattr(settings, name) for name in OF_THE_LEARNER},
     )
 
 

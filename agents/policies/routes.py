@@ -42,7 +42,7 @@ def open_route(times: NDArray[np.float64]) -> list[int]:
 
 
 MOST_EXACT = 12
-"""Places up to which the shortest route is found by dynamic programming (Held, Karp 1962), in milliseconds."""
+"""Places up to which the shortest route of all is found (Held, Karp 1962), in milliseconds."""
 
 
 def shortest_route(times: NDArray[np.float64]) -> list[int]:
@@ -55,11 +55,19 @@ def shortest_route(times: NDArray[np.float64]) -> list[int]:
         The n places as indices 0..n-1, as ``open_route`` does.
     """
     n = len(times) - 1
-    return open_route(times) if n > MOST_EXACT else _held_karp(np.ascontiguousarray(times, np.float64)).tolist()
+    return open_route(times) if n > MOST_EXACT else held_karp(np.ascontiguousarray(times, np.float64)).tolist()
 
 
 @compiled
-def _held_karp(times: NDArray[np.float64]) -> NDArray[np.int64]:
+def held_karp(times: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The quickest open route by dynamic programming over sets of places; the work doubles with each.
+
+    Args:
+        times: (n + 1, n + 1), from place to place, which need not be symmetric.
+
+    Returns:
+        The n places as indices 0..n-1, (n,).
+    """
     n = len(times) - 1
     every = 1 << n
     # Shortest way from place 0 through a set of places to one of them, and the place before that one.

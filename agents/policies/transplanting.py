@@ -14,6 +14,7 @@ from ...envs.transplanting.config import SPEEDS, TransplantingConfig
 from ...envs.transplanting.process import speed_chances
 from ...envs.transplanting.timing import CLEARING, STRAIGHT, times
 from .base import Actions, ConfiguredPolicy, Observation
+from .routes import held_karp
 
 Array = NDArray[np.float64]
 
@@ -191,32 +192,11 @@ def sequence_s(first_s: Array, next_s: Array, sequence: list[tuple[int, int]]) -
 
 
 def best_order(first_s: Array, next_s: Array, pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The quickest order of a few pairs, by dynamic programming over the sets of pairs that are done (Held and Karp).
-
-    Args:
-        first_s: see ``_Problem``.
-        next_s: see ``_Problem``.
-        pairs: at most 12 or so; the work doubles with each.
-    """
-    k = len(pairs)
+    """The quickest order of a few pairs; see ``_Problem`` for the tables, ``routes.held_karp`` for how many."""
     sources, gaps = (np.array(column) for column in zip(*pairs, strict=True))
-    follow = next_s[gaps[:, None], sources, gaps]
-    cost = np.full((1 << k, k), np.inf)
-    before = np.zeros((1 << k, k), np.int64)
-    for last in range(k):
-        cost[1 << last, last] = first_s[pairs[last]]
-    for done in range(1, 1 << k):
-        for last in range(k):
-            if done >> last & 1 and done != 1 << last:
-                ways = cost[done ^ (1 << last)] + follow[:, last]
-                before[done, last] = best = int(ways.argmin())
-                cost[done, last] = ways[best]
-    done, order = (1 << k) - 1, [int(cost[-1].argmin())]
-    while done != 1 << order[-1]:
-        last = order[-1]
-        order.append(int(before[done, last]))
-        done ^= 1 << last
-    return [pairs[index] for index in reversed(order)]
+    times = np.zeros((len(pairs) + 1, len(pairs) + 1))
+    times[0, 1:], times[1:, 1:] = first_s[sources, gaps], next_s[gaps[:, None], sources, gaps]
+    return [pairs[index] for index in held_karp(times).tolist()]
 
 
 def mended(first_s: Array, next_s: Array, sequence: list[tuple[int, int]]) -> list[tuple[int, int]]:

@@ -79,7 +79,16 @@ class ScriptedWeeder(ConfiguredPolicy):
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
-        raise NotImplementedError
+        view = self.read(observation)
+        return self.fire(np.where(self.able(view), self.score(view), -np.inf))
+
+    def able(self, view: View) -> Flags:
+        """Shots (B, K, M) that the rule chooses among: the legal ones with the dose that the kind of weed calls for."""
+        return view.legal & (np.arange(MODES) == view.label[..., None])
+
+    def score(self, view: View) -> Array:
+        """What the rule prefers among them, to be broadcast to (B, K, M): the first to leave."""
+        return -np.arange(view.legal.shape[1], dtype=np.float64)[:, None]
 
     def fire(self, score: Array) -> Actions:
         """Best of scored shots (B, K, M); wait where all are -inf."""
@@ -88,28 +97,16 @@ class ScriptedWeeder(ConfiguredPolicy):
         return np.where(flat[np.arange(len(flat)), best] > -np.inf, best, self.wait)
 
 
-def _only(legal: Flags, label: NDArray[np.int64]) -> Flags:
-    """Legal shots with the label dose."""
-    return legal & (np.arange(MODES) == label[..., None])
-
-
-def _label_or_less(legal: Flags, label: NDArray[np.int64]) -> Flags:
-    """Legal shots with the highest legal dose up to the label's."""
-    able = legal & (np.arange(MODES) <= label[..., None])
-    highest = MODES - 1 - able[..., ::-1].argmax(axis=-1)
-    return able & (np.arange(MODES) == highest[..., None])
-
-
 class Fifo(ScriptedWeeder):
     """In the order in which they came, whatever dose up to the label's there is still time for."""
 
     name = "fifo"
 
-    def act(self, observation: Observation) -> Actions:
-        """Actions (B,)."""
-        view = self.read(observation)
-        able = _label_or_less(view.legal, view.label)
-        return self.fire(np.where(able, -np.arange(able.shape[1])[:, None], -np.inf))
+    def able(self, view: View) -> Flags:
+        """Legal shots with the highest legal dose up to the label's."""
+        able = view.legal & (np.arange(MODES) <= view.label[..., None])
+        highest = MODES - 1 - able[..., ::-1].argmax(axis=-1)
+        return able & (np.arange(MODES) == highest[..., None])
 
 
 class EarliestDeadline(ScriptedWeeder):
@@ -117,23 +114,15 @@ class EarliestDeadline(ScriptedWeeder):
 
     name = "edf"
 
-    def act(self, observation: Observation) -> Actions:
-        """Actions (B,)."""
-        view = self.read(observation)
-        able = _only(view.legal, view.label)
-        return self.fire(np.where(able, -np.arange(able.shape[1])[:, None], -np.inf))
-
 
 class Nearest(ScriptedWeeder):
     """The one that is reached soonest, with the label's dose."""
 
     name = "nearest"
 
-    def act(self, observation: Observation) -> Actions:
-        """Actions (B,)."""
-        view = self.read(observation)
-        able = _only(view.legal, view.label)
-        return self.fire(np.where(able, -view.reach_s[..., None], -np.inf))
+    def score(self, view: View) -> Array:
+        """Soonest first."""
+        return -view.reach_s[..., None]
 
 
 class ShortestDwell(ScriptedWeeder):
@@ -141,11 +130,9 @@ class ShortestDwell(ScriptedWeeder):
 
     name = "shortest-dwell"
 
-    def act(self, observation: Observation) -> Actions:
-        """Actions (B,)."""
-        view = self.read(observation)
-        able = _only(view.legal, view.label)
-        return self.fire(np.where(able, -1e3 * view.work_s - view.reach_s[..., None], -np.inf))
+    def score(self, view: View) -> Array:
+        """Shortest first."""
+        return -1e3 * view.work_s - view.reach_s[..., None]
 
 
 class KillPerSecond(ScriptedWeeder):
@@ -153,10 +140,13 @@ class KillPerSecond(ScriptedWeeder):
 
     name = "kill-per-second"
 
-    def act(self, observation: Observation) -> Actions:
-        """Actions (B,)."""
-        view = self.read(observation)
-        return self.fire(np.where(view.legal, view.value / view.time_s, -np.inf))
+    def able(self, view: View) -> Flags:
+        """All legal shots."""
+        return view.legal
+
+    def score(self, view: View) -> Array:
+        """Most valuable a second first."""
+        return view.value / view.time_s
 
 
 class _SpeedRule:
