@@ -34,6 +34,8 @@ class Assembly(Generic[ConfigT]):
         measured: the perception model fitted to rendered pictures; None where there is none.
         machine: makes the executor that drives one world's machine in PyBullet; None where there is none.
         view: makes the rendered world of a single environment.
+        within_motors: lowers a configuration's limits of speed and acceleration to what its machine's motors can give,
+            or refuses motors that cannot hold it; None where no motor is modelled. See ``motors``.
         settings: keyword arguments of ``gym.make`` that are short for a part of the configuration, by name: a dotted
             name of the configuration, or a function of the configuration and the value.
         fixed: what an environment's configuration always has, by dotted name.
@@ -46,6 +48,7 @@ class Assembly(Generic[ConfigT]):
     measured: Callable[[ConfigT], Any] | None = None
     machine: Callable[[Any], Executor[Any, Any]] | None = None
     view: Callable[[Any], View[Any]] | None = None
+    within_motors: Callable[[ConfigT], ConfigT] | None = None
     settings: Mapping[str, str | Callable[[ConfigT, Any], ConfigT]] = field(default_factory=dict)
     fixed: Mapping[str, Any] = field(default_factory=dict)
 
@@ -87,7 +90,7 @@ class Assembly(Generic[ConfigT]):
         overrides: Mapping[str, Any] | None = None,
         settings: Mapping[str, Any] | None = None,
     ) -> ConfigT:
-        """The configuration that is asked for.
+        """The configuration that is asked for, with limits that its machine's motors can give.
 
         Args:
             scenario: a name, or a YAML file with a scenario's numbers; None for the configuration's own.
@@ -110,7 +113,8 @@ class Assembly(Generic[ConfigT]):
             if value is not None:
                 setting = self.settings[name]
                 config = override(config, {setting: value}) if isinstance(setting, str) else setting(config, value)
-        return override(config, {**(overrides or {}), **self.fixed})
+        asked = override(config, {**(overrides or {}), **self.fixed})
+        return asked if self.within_motors is None else self.within_motors(asked)
 
     def scenario(self, scenario: str | PathLike[str]) -> Any:
         """A scenario by its name or from a YAML file.

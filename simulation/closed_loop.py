@@ -64,11 +64,13 @@ class Motor:
 
     Attributes:
         joint: joint name.
-        limit: largest torque in N m, or force in N for a prismatic joint.
+        limit: largest torque in N m, or force in N for a prismatic joint, dry friction taken off.
+        damping: viscous friction of the joint, N m s/rad or N s/m.
     """
 
     joint: str
     limit: float
+    damping: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the limit."""
@@ -127,6 +129,9 @@ class ClosedLoopMachine:
         self.joints = tuple(self._joints)
         self._motor_rows = [self._named(self._joints, "joint", motor.joint) for motor in motors]
         self._limits = np.array([motor.limit for motor in motors], dtype=np.float64)
+        for (number, index), motor in zip(self._motor_rows, motors, strict=True):
+            if motor.damping:
+                pybullet.changeDynamics(number, index, jointDamping=motor.damping, physicsClientId=client.id)
         self._columns = self._columns_by_body()
         self._closures = tuple(closures)
         for closure in closures:

@@ -32,7 +32,7 @@ def picker_dynamics(parameters: PickerParameters) -> TwoLegsDynamics:
         forearm_inertia_kg_m2=float(forearm.tensor_kg_m2[0, 0]),
         platform_kg=parameters.tool_mass_kg,
     )
-    return TwoLegsDynamics(bar, masses, (0.0,) * 2)
+    return TwoLegsDynamics(bar, masses, (parameters.arm_damping_n_m_s,) * 2)
 
 
 def picker_moved_kg(parameters: PickerParameters) -> float:
@@ -45,7 +45,7 @@ def transplanter_dynamics(parameters: TransplanterParameters, payload_kg: float 
     masses = parameters.arm.masses
     assert masses is not None
     carried = replace(masses, platform_kg=masses.platform_kg + payload_kg)
-    return TwoLegsDynamics(parameters.arm, carried, (0.0,) * 2)
+    return TwoLegsDynamics(parameters.arm, carried, (parameters.damping_n_m_s,) * 2)
 
 
 def prrs_dynamics(parameters: PrrsParameters, payload_kg: float = 0.0, payload_below_m: float = 0.0) -> PrrsDynamics:
@@ -58,8 +58,13 @@ def prrs_dynamics(parameters: PrrsParameters, payload_kg: float = 0.0, payload_b
         float(fork.tensor_kg_m2[0, 0]),
         _bar(link, -1.0),
         _carrying(parameters.platform_robot().links[0], payload_kg, payload_below_m),
-        (0.0,) * 6,
+        (parameters.slider_damping_n_s_m,) * 3 + (parameters.swing_damping_n_m_s,) * 3,
     )
+
+
+def weeder_moved_kg(parameters: WeederParameters) -> float:
+    """What the cart's drive moves."""
+    return sum(link.mass_kg for link in weeder_robot(parameters).links[1:])
 
 
 def weeder_dynamics(parameters: WeederParameters) -> CartPlatformDynamics:
@@ -73,7 +78,7 @@ def weeder_dynamics(parameters: WeederParameters) -> CartPlatformDynamics:
         _bar(links["rod1"].inertia(), -1.0),
         links["cross4"].mass_kg,
         _carrying(links["platform"], 0.0, 0.0),
-        (0.0,) * 5,
+        (0.0,) + (parameters.leg_damping_n_s_m,) * 4,
     )
 
 

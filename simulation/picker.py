@@ -70,8 +70,9 @@ class PickerMachine(LoopMachine):
         closures = [
             Closure(f"forearm{leg + 1}", (0.0, bar.forearm_m[leg], 0.0), "platform", wrists[leg]) for leg in (0, 1)
         ]
-        torque = self.parameters.arm_torque_limit_n_m
-        motors = [Motor("cart", self.parameters.cart_force_limit_n), Motor("arm1", torque), Motor("arm2", torque)]
+        p = self.parameters
+        torque, thrust = p.arm_torque_limit_n_m - p.arm_friction_n_m, p.cart_force_limit_n - p.cart_friction_n
+        motors = [Motor("cart", thrust), *(Motor(arm, torque, p.arm_damping_n_m_s) for arm in MOTORS[1:])]
         shipped = PICKER_ASSET if self.parameters == PickerParameters() else None
         with urdf_file(shipped, lambda: picker_robot(self.parameters).to_xml()) as path:
             self._machine = ClosedLoopMachine(self.client, [Body("picker", path)], closures, motors)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..kernels.config import Config, nested, num
 from ..mechanisms import FiveBar
+from .friction import below_limit
 from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
 
 PICKER_ASSET = "urdf/picker/picker.urdf"
@@ -71,10 +72,16 @@ class PickerParameters(Config):
     arm_torque_limit_n_m: float = num(12.0, 1e-3, 1e4, "N m")
     """Each arm motor behind its gear [assumed: a NEMA 23 stepper of 3 N m that keeps 1.2 N m at speed, with a 10:1
     gear]."""
+    arm_friction_n_m: float = num(0.0, 0.0, 1e4, "N m")
+    """Dry friction of each arm's motor, gear and joints, counted against the motor whichever way it works [assumed]."""
+    arm_damping_n_m_s: float = num(0.0, 0.0, 1e3, "N m s/rad")
+    """Viscous friction of the same [assumed]."""
     rotor_inertia_kg_m2: float = num(0.008, 1e-6, 10.0, "kg m2")
     """That motor's rotor seen through the gear [assumed: 8e-5 kg m2 times 10^2]."""
     cart_force_limit_n: float = num(250.0, 0.1, 1e5, "N")
     """Thrust of the wheel drives [assumed]."""
+    cart_friction_n: float = num(0.0, 0.0, 1e5, "N")
+    """Rolling resistance, counted against the thrust [assumed: the thrust is what is left of it]."""
     cart_mass_kg: float = num(80.0, 0.1, 5000.0, "kg")
     """Frame, wheels, battery, fan and cabinet [assumed]."""
     arm_mass_kg: float = num(0.30, 1e-3, 100.0, "kg")
@@ -92,6 +99,8 @@ class PickerParameters(Config):
         longest = max(*bar.arm_m, *bar.forearm_m, bar.half_platform_m, bar.tool_drop_m, bar.base_m)
         if longest > _LONGEST_M:
             self.refuse("five_bar", f"a part is {longest:g} m long, give at most {_LONGEST_M:g} m")
+        below_limit(self, "arm_friction_n_m", "arm_torque_limit_n_m", "N m")
+        below_limit(self, "cart_friction_n", "cart_force_limit_n", "N")
 
 
 def picker_robot(parameters: PickerParameters) -> Robot:

@@ -86,8 +86,10 @@ class PrrsMachine(LoopMachine):
                 closures.append(Closure(f"link{leg}", (0.0, 0.0, -mechanism.link_m), "platform", joint))
             bodies.append(Body("platform", paths["platform"], base, fixed_base=False))
             bodies += self._fixtures(paths)
-            force, torque = self.parameters.slider_force_limit_n, self.parameters.swing_torque_limit_n_m
-            motors = [Motor(name, force if name.startswith("slider") else torque) for name in MOTORS]
+            p = self.parameters
+            slider = p.slider_force_limit_n - p.slider_friction_n, p.slider_damping_n_s_m
+            drive = p.swing_torque_limit_n_m - p.swing_friction_n_m, p.swing_damping_n_m_s
+            motors = [Motor(name, *(slider if name.startswith("slider") else drive)) for name in MOTORS]
             self._machine = ClosedLoopMachine(self.client, bodies, closures, motors)
         names = MOTORS + SWINGS
         self._order = [names.index(name) for name in self._machine.joints]

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..kernels.config import Config, nested, num
 from ..mechanisms import ThreePRRS
+from .friction import below_limit
 from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
 
 _ALONG_X: Vector = (0.0, np.pi / 2, 0.0)
@@ -34,6 +35,14 @@ class PrrsParameters(Config):
     """Each slider's ball screw."""
     swing_torque_limit_n_m: float = num(10.0, 1e-3, 1e4, "N m")
     """Each driven rotation behind its gear."""
+    slider_friction_n: float = num(0.0, 0.0, 1e5, "N")
+    """Dry friction of each slider, counted against its motor whichever way it works."""
+    slider_damping_n_s_m: float = num(0.0, 0.0, 1e5, "N s/m")
+    """Viscous friction of the same."""
+    swing_friction_n_m: float = num(0.0, 0.0, 1e4, "N m")
+    """Dry friction of each driven rotation, likewise."""
+    swing_damping_n_m_s: float = num(0.0, 0.0, 1e3, "N m s/rad")
+    """Viscous friction of the same."""
     slider_mass_kg: float = num(1.6, 1e-3, 100.0, "kg")
     """Carriage with the rotary motor that it carries."""
     yoke_mass_kg: float = num(0.25, 1e-3, 100.0, "kg")
@@ -58,6 +67,8 @@ class PrrsParameters(Config):
                 self.refuse(f"mechanism.{name}", "give a number in [0.01, 3] m")
         if max(map(abs, mechanism.slider_range_m)) > 3.0:
             self.refuse("mechanism.slider_range_m", "give numbers in [-3, 3] m")
+        below_limit(self, "slider_friction_n", "slider_force_limit_n", "N")
+        below_limit(self, "swing_friction_n_m", "swing_torque_limit_n_m", "N m")
 
     @property
     def origin_height_m(self) -> float:

@@ -74,7 +74,7 @@ class TransplanterMachine(LoopMachine):
             Closure(f"forearm{leg}", (0.0, p.arm.forearm_m, 0.0), "platform", (0.0, side * p.half_platform_m, 0.0))
             for leg, side in ((1, 1.0), (2, -1.0))
         ]
-        motors = [Motor(name, p.torque_limit_n_m) for name in MOTORS]
+        motors = [Motor(name, p.torque_limit_n_m - p.friction_n_m, p.damping_n_m_s) for name in MOTORS]
         shipped = PHYSICS_ASSET if p == TransplanterParameters() else None
         with urdf_file(shipped, lambda: transplanter_robot(p).to_xml()) as path:
             self._machine = ClosedLoopMachine(self.client, [Body("transplanter", path)], closures, motors)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..kernels.config import Config, nested, num
 from ..mechanisms import TranslationalFiveBar
+from .friction import below_limit
 from .picker_model import ALUMINIUM, DARK, FRAME, ORANGE, STEEL
 from .urdf import Box, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
 
@@ -46,6 +47,10 @@ class TransplanterParameters(Config):
     torque_limit_n_m: float = num(90.0, 0.1, 1e4, "N m")
     """Each motor behind its gear [assumed: 1.6 times the 56 N m that the fastest gate with the published payload
     needs]."""
+    friction_n_m: float = num(0.0, 0.0, 1e4, "N m")
+    """Dry friction of each motor, gear and joints, counted against the motor whichever way it works [assumed]."""
+    damping_n_m_s: float = num(0.0, 0.0, 1e3, "N m s/rad")
+    """Viscous friction of the same [assumed]."""
     physics_hz: float = num(500.0, 50.0, 1e4, "Hz")
     """Simulation steps a second [assumed; the tracking figures are measured with it]."""
 
@@ -53,6 +58,7 @@ class TransplanterParameters(Config):
         """The arm has masses."""
         if self.arm.masses is None:
             self.refuse("arm.masses", "give LinkMasses(...), or use TranslationalFiveBar.transplanter()")
+        below_limit(self, "friction_n_m", "torque_limit_n_m", "N m")
 
 
 def transplanter_robot(parameters: TransplanterParameters, *, looks: bool = False) -> Robot:

@@ -65,8 +65,9 @@ class WeederMachine(LoopMachine):
         mechanism = self.parameters.mechanism
         tips = [tuple(float(v) for v in joint) for joint in mechanism.attachments.platform]
         closures = [Closure(f"rod{leg}", (0.0, 0.0, 0.0), "platform", tips[leg - 1]) for leg in (1, 2, 3)]  # type: ignore[arg-type]
-        force = self.parameters.leg_force_limit_n
-        motors = [Motor("cart", self.parameters.cart_force_limit_n), *(Motor(name, force) for name in MOTORS[1:])]
+        p = self.parameters
+        force, thrust = p.leg_force_limit_n - p.leg_friction_n, p.cart_force_limit_n - p.cart_friction_n
+        motors = [Motor("cart", thrust), *(Motor(name, force, p.leg_damping_n_s_m) for name in MOTORS[1:])]
         shipped = WEEDER_ASSET if self.parameters == WeederParameters() else None
         with urdf_file(shipped, lambda: weeder_robot(self.parameters).to_xml()) as path:
             self._machine = ClosedLoopMachine(self.client, [Body("weeder", path)], closures, motors)

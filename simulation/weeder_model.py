@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..kernels.config import Config, nested, num
 from ..mechanisms import ThreeUPSRPU
+from .friction import below_limit
 from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
 
 WEEDER_ASSET = "urdf/weeder/weeder.urdf"
@@ -51,16 +52,27 @@ class WeederParameters(Config):
     """Lower part of a leg."""
     leg_force_limit_n: float = num(600.0, 1.0, 1e5, "N")
     """Each of the four actuators."""
+    leg_friction_n: float = num(0.0, 0.0, 1e5, "N")
+    """Dry friction of each actuator, counted against it whichever way it works."""
+    leg_damping_n_s_m: float = num(0.0, 0.0, 1e5, "N s/m")
+    """Viscous friction of the same."""
     cart_mass_kg: float = num(250.0, 1.0, 10_000.0, "kg")
     """Frame, wheels, laser source, cooler and batteries."""
     cart_force_limit_n: float = num(1500.0, 1.0, 1e6, "N")
     """Thrust of the wheel drives."""
+    cart_friction_n: float = num(0.0, 0.0, 1e6, "N")
+    """Rolling resistance, counted against the thrust."""
     camera_ahead_m: float = num(0.85, 0.0, 5.0, "m")
     """Front camera in front of the mechanism, only for the looks."""
     camera_height_m: float = num(0.85, 0.05, 5.0, "m")
     """Its height over the ground, only for the looks."""
     physics_hz: float = num(240.0, 30.0, 100_000.0, "1/s")
     """Simulation steps a second."""
+
+    def check(self) -> None:
+        """No motor is held by its own friction."""
+        below_limit(self, "leg_friction_n", "leg_force_limit_n", "N")
+        below_limit(self, "cart_friction_n", "cart_force_limit_n", "N")
 
 
 def weeder_robot(parameters: WeederParameters) -> Robot:

@@ -23,7 +23,7 @@ from fieldgym.envs.weeding.timing import Place, approach, move_time
 from fieldgym.envs.weeding.tools.hoe.arm import HoeArm, HoeReach
 from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
 from fieldgym.envs.weeding.tools.hoe.env import hoe_core
-from fieldgym.envs.weeding.tools.hoe.machine import check_reach, hoe_parameters, poses, tip_way
+from fieldgym.envs.weeding.tools.hoe.machine import check_reach, poses, tip_way
 from fieldgym.envs.weeding.tools.hoe.process import (
     HoeProcessConfig,
     Stir,
@@ -235,7 +235,7 @@ def test_a_legal_stir_keeps_the_blade_within_its_travel(along, across, speed):
 def test_everything_that_the_rules_may_command_is_within_the_mechanism():
     config = HoeWeedingConfig()
     reach = config.reach
-    margins = check_reach(hoe_parameters(config), config.process, reach.travel_m, reach.half_width_m, 0.04)
+    margins = check_reach(config.parameters, config.process, reach.travel_m, reach.half_width_m, 0.04)
     assert min(margins.values()) > 0.0
     # Resting over ground the blade falls behind the cart by at most 0.147 of the way that the cart drives meanwhile.
     worst_s = float(QUINTIC.duration(2.0 * reach.half_width_m, reach.velocity_m_s, reach.acceleration_m_s2))
@@ -362,7 +362,7 @@ def test_every_motion_that_the_rules_plan_is_within_every_limit_all_the_way():
         env: Any = gym.make(ENV_ID, backend="analytic", scenario=scenario, perception="perfect")
         _, info = env.reset(seed=3)
         core = env.unwrapped.core
-        parameters = hoe_parameters(core.config)
+        parameters = core.config.parameters
         rng = np.random.default_rng(0)
         for _ in range(240):
             # Waiting is rare: the blade is where motions begin and end far apart.

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from fieldgym.envs.sorting.config import SortingConfig
 from fieldgym.envs.sorting.scene import SorterScene
 from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
-from fieldgym.envs.weeding.tools.hoe.machine import hoe_parameters
 from fieldgym.envs.weeding.tools.hoe.scene import HoeScene
 from fieldgym.motion.orientation import axes
 from fieldgym.rendering.library import MeshLibrary
@@ -113,11 +112,11 @@ def test_pads_close_on_the_grip_and_the_blade_is_in_the_ground():
     assert pads.mean(axis=0) == pytest.approx(grip, abs=1e-6)
     assert np.linalg.norm(pads[0] - pads[1]) == pytest.approx(0.04, abs=1e-6)
     hoe = HoeWeedingConfig()
-    field = HoeScene(hoe, hoe_parameters(hoe))
+    field = HoeScene(hoe, hoe.parameters)
     field.set_machine(1.0, np.zeros(6))
     meshes, parts = field.stage.library.meshes, field.stage.things("machine")
     lowest = (parts.shift[:, 2] + meshes.centre[parts.mesh, 2] - meshes.radius[parts.mesh]).min()
-    assert lowest < hoe_parameters(hoe).lowest_tip_m + 1e-6
+    assert lowest < hoe.parameters.lowest_tip_m + 1e-6
 
 
 def test_a_hose_runs_from_end_to_end_without_a_gap():

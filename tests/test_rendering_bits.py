@@ -14,7 +14,6 @@ from fieldgym.envs.safflower.scene import Looks, PickerScene
 from fieldgym.envs.sorting.config import SortingConfig
 from fieldgym.envs.sorting.scene import ShownItem, SorterScene, item_colour
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
-from fieldgym.envs.weeding.tools.laser.machine import weeder_parameters
 from fieldgym.envs.weeding.tools.laser.scene import WeederScene
 
 digest = hashlib.sha256()
@@ -42,7 +41,7 @@ sorter.set_machine([0.03, -0.02, 0.04, 0.1, -0.1, 0.4])
 add(sorter.look())
 digest.update(sorter.render(320, 240).tobytes())
 config = WeedingConfig()
-weeder = WeederScene(config, weeder_parameters(config))
+weeder = WeederScene(config, config.parameters)
 weed = rng.uniform((-0.2, -0.15), (0.6, 0.15), (30, 2))
 crop = np.array([[0.0, 0.0], [0.25, 0.0]])
 weeder.load(weed, rng.integers(0, 2, 30), rng.integers(0, 3, 30), rng.random(30), crop, 7)

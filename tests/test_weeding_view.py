@@ -24,7 +24,6 @@ from fieldgym.envs.weeding.state import FAR_M
 from fieldgym.envs.weeding.tools.hoe.process import HoeProcessConfig
 from fieldgym.envs.weeding.tools.laser.calibration import MATCH_M, factors, kept, match
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
-from fieldgym.envs.weeding.tools.laser.machine import weeder_parameters
 from fieldgym.envs.weeding.tools.laser.scene import WeederScene
 from fieldgym.envs.weeding.tools.laser.view import TOOL_SETTINGS
 from fieldgym.motion.orientation import axes, from_euler
@@ -37,7 +36,7 @@ SCENARIO = SCENARIOS["load-1.0"]
 @pytest.fixture(scope="module")
 def scene():
     config = WeedingConfig()
-    made = WeederScene(config, weeder_parameters(config))
+    made = WeederScene(config, config.parameters)
     yield made
     made.close()
 

@@ -10,6 +10,7 @@ from ..single import TaskEnv
 from ..vector import TaskVectorEnv
 from .config import SCENARIOS, PerceptionModel, SafflowerConfig
 from .core import PickerOutcome, SafflowerCore
+from .motors import within_motors
 from .state import PickerPlan
 
 PICKER: Assembly[Any] = Assembly(
@@ -20,6 +21,7 @@ PICKER: Assembly[Any] = Assembly(
     measured=lambda config: PerceptionModel.measured(config.scenario.camera_fit),
     machine=later("fieldgym.envs.safflower.machine:PyBulletPicker"),
     view=later("fieldgym.envs.safflower.view:PickerView"),
+    within_motors=within_motors,
     settings={"slots": "slots"},
 )
 

@@ -10,6 +10,7 @@ from ..single import TaskEnv
 from ..vector import TaskVectorEnv
 from .config import SCENARIOS, PerceptionModel, SortingConfig
 from .core import SorterOutcome, SortingCore
+from .motors import within_motors
 from .state import SorterPlan
 
 SORTER: Assembly[Any] = Assembly(
@@ -20,6 +21,7 @@ SORTER: Assembly[Any] = Assembly(
     measured=lambda config: PerceptionModel.measured(),
     machine=later("fieldgym.envs.sorting.machine:PyBulletSorter"),
     view=later("fieldgym.envs.sorting.view:SorterView"),
+    within_motors=within_motors,
     settings={"slots": "slots"},
 )
 

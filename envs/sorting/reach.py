@@ -24,6 +24,8 @@ YAWS_RAD = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0])
 _TILT_STEP_RAD, _YAW_STEP_RAD = float(TILTS_RAD[1]), float(YAWS_RAD[1])
 RESERVE_M = 0.004
 """Taken off every tabulated radius: for the table's raster and for what a motion swings beyond its ends."""
+ABOVE_M = 0.005
+"""The reach is asked for up to this far above the travel level."""
 
 _STANDARD_HEIGHT_M = 0.095
 _STANDARD_RADII_M = (

@@ -12,7 +12,7 @@ from ..core import Array
 from .columns import Candidate, Number, Rewards, Totals, Truth
 from .config import SortingConfig
 from .process import Fingers
-from .reach import radii
+from .reach import ABOVE_M, radii
 from .timing import Paces
 
 PICK, WAIT, NOTHING = 0, 1, 2
@@ -70,7 +70,7 @@ class Tables(NamedTuple):
             yaw_limit_rad=float(machine.yaw_limit_rad),
             tilt_limit_rad=float(machine.tilt_limit_rad),
             tilt_refused_rad=float(machine.tilt_limit_rad + grip.refused_tilt_rad),
-            reach_m=radii(sorter.mechanism, machine.travel_level_m + 0.005),
+            reach_m=radii(sorter.mechanism, machine.travel_level_m + ABOVE_M),
             bins=np.array(belt.bins_m, float),
             values=np.array(config.produce.value, float),
             rest_s=np.array([0.0, grip.wait_s, grip.illegal_s]),

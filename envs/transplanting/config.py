@@ -16,6 +16,8 @@ from ...kernels.config import Config, choice, flag, nested, num
 from ...mechanisms import TranslationalFiveBar
 from ...motion import GATE_STYLES, Gate
 from ...simulation.assets import asset_text
+from ...simulation.friction import below_limit
+from ...simulation.transplanter_model import TransplanterParameters
 
 SPEEDS = ("gentle", "normal", "fast")
 REPORTS = ("empty", "healthy", "poor")
@@ -86,6 +88,13 @@ class MachineConfig(Config):
 
     arm: TranslationalFiveBar = nested(TranslationalFiveBar.transplanter)
     """Geometry and masses; its window is the published 600 x 150 mm."""
+    torque_limit_n_m: float = num(90.0, 0.1, 1e4, "N m")
+    """Each motor behind its gear [assumed: 1.6 times the 56 N m that the fastest gate with the published payload
+    needs]."""
+    friction_n_m: float = num(0.0, 0.0, 1e4, "N m")
+    """Dry friction of each motor, gear and joints, counted against the motor whichever way it works [assumed]."""
+    damping_n_m_s: float = num(0.0, 0.0, 1e3, "N m s/rad")
+    """Viscous friction of the same [assumed]."""
     motion: Motion = choice("stop-quintic", MOTIONS)
     """How gates are carried out [published: the paper chooses the quintic with stops at the corners]."""
     velocity_m_s: float = num(4.5, 0.01, 30.0, "m/s")
@@ -118,10 +127,23 @@ class MachineConfig(Config):
             self.refuse("lift_m", f"the arm's window is {top - bottom:g} m high: give at most that")
         if self.straight_m > self.lift_m:
             self.refuse("straight_m", f"give at most lift_m = {self.lift_m:g} m")
+        below_limit(self, "friction_n_m", "torque_limit_n_m", "N m")
+        if self.arm.masses is None:
+            self.refuse("arm.masses", "give LinkMasses(...), or use TranslationalFiveBar.transplanter()")
         if not isclose(left, -right):
             self.refuse("arm.window_m", "give a rectangle that is even about x = 0")
         if max(self.carry_acceleration_m_s2) > self.acceleration_m_s2:
             self.refuse("carry_acceleration_m_s2", f"give at most acceleration_m_s2 = {self.acceleration_m_s2:g} m/s2")
+
+    @property
+    def parameters(self) -> TransplanterParameters:
+        """The arm with its motors, as it is simulated."""
+        return TransplanterParameters(
+            arm=self.arm,
+            torque_limit_n_m=self.torque_limit_n_m,
+            friction_n_m=self.friction_n_m,
+            damping_n_m_s=self.damping_n_m_s,
+        )
 
     def gate(self, acceleration_m_s2: float | None = None) -> Gate:
         """The way over a gate, by default under the empty gripper's limit."""

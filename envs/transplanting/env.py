@@ -11,6 +11,7 @@ from ..single import TaskEnv
 from ..vector import TaskVectorEnv
 from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, TransplantingConfig, tray
 from .core import TransplantingCore, TransplantOutcome
+from .motors import within_motors
 from .rules import TransplantPlan
 
 
@@ -30,6 +31,7 @@ TRANSPLANTER: Assembly[Any] = Assembly(
     measured=lambda config: PerceptionModel.measured(config.scenario.source, config.scenario.target),
     machine=later("fieldgym.envs.transplanting.machine:PyBulletTransplanter"),
     view=later("fieldgym.envs.transplanting.view:TransplantView"),
+    within_motors=within_motors,
     settings={"motion": "machine.motion", "source_tray": _with_source, "target_tray": _with_target},
 )
 

@@ -9,7 +9,6 @@ import numpy as np
 from ...motion import PathMotion, StoppedPath
 from ...simulation.motion_result import Rest
 from ...simulation.transplanter import GateResult, TransplanterMachine
-from ...simulation.transplanter_model import TransplanterParameters
 from ..core import Array, Rows
 from .columns import E, P
 from .config import TransplantingConfig
@@ -85,7 +84,7 @@ class PyBulletTransplanter:
         if core.worlds != 1:
             raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
         self._core = core
-        self._machine = TransplanterMachine(TransplanterParameters(arm=core.config.machine.arm))
+        self._machine = TransplanterMachine(core.config.machine.parameters)
         self._trajectories = Trajectories(core.config, core.places)
         self._plug_kg = core.config.process.plug_kg
 

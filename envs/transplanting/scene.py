@@ -17,7 +17,6 @@ from ...rendering.shapes import Mesh, box, flat_shaded, merged, surface_of_revol
 from ...simulation.looks import MachineLooks
 from ...simulation.stage import Engine, Scene, Stage
 from ...simulation.transplanter_model import (
-    TransplanterParameters,
     looks_joints,
     transplanter_joints,
     transplanter_robot,
@@ -95,7 +94,7 @@ class TrayScene(Scene):
     def __init__(self, config: TransplantingConfig):
         """Add the meshes of the task's trays, plants and arm."""
         machine, scenario = config.machine, config.scenario
-        self.parameters = TransplanterParameters(arm=machine.arm)
+        self.parameters = machine.parameters
         self.stage = Stage()
         library = self.stage.library
         self._machine = MachineLooks(library, [transplanter_robot(self.parameters, looks=True)])

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .....kernels.config import nested
+from .....simulation.hoe_model import HoeParameters
 from ...config import FieldTask
 from .arm import HoeReach
 from .process import HoeProcessConfig, label_mode
@@ -18,6 +19,19 @@ class HoeWeedingConfig(FieldTask):
     """Where the blade reaches and how fast it moves."""
     process: HoeProcessConfig = nested(HoeProcessConfig)
     """What a stir does to plants."""
+    machine: HoeParameters = nested(HoeParameters)
+    """Masses, motors and friction; the process sets its blade and soil, the cart its ``camera_ahead_m``, the reach how
+    fast it moves."""
+
+    @property
+    def parameters(self) -> HoeParameters:
+        """The machine under the configuration's hoe and camera."""
+        return replace(
+            self.machine,
+            blade_radius_m=self.process.blade_radius_m,
+            soil_resistance_pa=self.process.soil_resistance_pa,
+            camera_ahead_m=self.cart.camera_ahead_m,
+        )
 
     @property
     def front_m(self) -> float:

@@ -14,6 +14,7 @@ from ...perception import PerceptionModel, uncorrected
 from ...state import WeederPlan
 from .arm import HoeArm
 from .config import HoeWeedingConfig
+from .motors import within_motors
 from .process import HoeProcess
 
 
@@ -31,6 +32,7 @@ HOE: Assembly[Any] = Assembly(
     measured=lambda config: uncorrected(PerceptionModel.measured()),
     machine=later("fieldgym.envs.weeding.tools.hoe.machine:PyBulletHoe"),
     view=later("fieldgym.envs.weeding.tools.hoe.view:HoeView"),
+    within_motors=within_motors,
     settings={"slots": "slots"},
     fixed={"speed_control": False},
 )

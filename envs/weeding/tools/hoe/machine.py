@@ -12,7 +12,6 @@ from ....core import Array, Rows
 from ...core import WeederOutcome, WeedingCore
 from ...state import WAIT, V, WeederPlan
 from ...timing import WORK, A, P, whole_steps
-from .config import HoeWeedingConfig
 from .process import B, HoeProcessConfig
 
 _LOOK_EVERY = 6
@@ -32,7 +31,7 @@ class PyBulletHoe:
             raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
         self._core = core
         self._hoe: HoeProcessConfig = core.config.process
-        self._machine = HoeMachine(hoe_parameters(core.config))
+        self._machine = HoeMachine(core.config.parameters)
         self._dt = 1.0 / self._machine.parameters.physics_hz
         self.last_result: PrrsResult | None = None
 
@@ -70,16 +69,6 @@ class PyBulletHoe:
     def close(self) -> None:
         """Close the world; idempotent."""
         self._machine.close()
-
-
-def hoe_parameters(config: HoeWeedingConfig) -> HoeParameters:
-    """The machine's parameters under the configuration's hoe and camera."""
-    hoe = config.process
-    return HoeParameters(
-        blade_radius_m=hoe.blade_radius_m,
-        soil_resistance_pa=hoe.soil_resistance_pa,
-        camera_ahead_m=config.cart.camera_ahead_m,
-    )
 
 
 def poses(parameters: HoeParameters, tip: Array, cart_m: Array) -> Array:

@@ -11,7 +11,7 @@ from ...core import WeedingCore
 from ...state import V, WeederPlan
 from ...view import FieldView, Show
 from .config import HoeWeedingConfig
-from .machine import hoe_parameters, poses, tip_way
+from .machine import poses, tip_way
 from .scene import HoeScene
 
 
@@ -22,7 +22,7 @@ class HoeView(FieldView[HoeScene]):
         """Build nothing yet: scenes come with the first look or picture."""
         super().__init__(core)
         self._config: HoeWeedingConfig = core.config
-        self._parameters = hoe_parameters(self._config)
+        self._parameters = self._config.parameters
 
     def make_scene(self) -> HoeScene:
         """A scene: one for the camera, and one for people with the machine in it."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .....kernels.config import nested
+from .....simulation.weeder_model import WeederParameters
 from ...config import FieldTask
 from .aim import LaserReach
 from .process import ProcessConfig, label_dose
@@ -18,6 +19,13 @@ class WeedingConfig(FieldTask):
     """Where the beam reaches and how fast the aim moves."""
     process: ProcessConfig = nested(ProcessConfig)
     """What the beam does to plants."""
+    machine: WeederParameters = nested(WeederParameters)
+    """Masses, motors and friction; the reach sets its ``base_height_m``, the cart its ``camera_ahead_m``."""
+
+    @property
+    def parameters(self) -> WeederParameters:
+        """The machine under the configuration's reach and cameras."""
+        return replace(self.machine, base_height_m=self.reach.base_height_m, camera_ahead_m=self.cart.camera_ahead_m)
 
     @property
     def front_m(self) -> float:

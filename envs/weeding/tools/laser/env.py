@@ -15,6 +15,7 @@ from ...perception import PerceptionModel
 from ...state import WeederPlan
 from .aim import LaserArm
 from .config import WeedingConfig
+from .motors import within_motors
 from .process import LaserProcess
 
 
@@ -32,6 +33,7 @@ LASER: Assembly[Any] = Assembly(
     measured=lambda config: PerceptionModel.measured(),
     machine=later("fieldgym.envs.weeding.tools.laser.machine:PyBulletWeeder"),
     view=later("fieldgym.envs.weeding.tools.laser.view:WeederView"),
+    within_motors=within_motors,
     settings={"slots": "slots"},
     fixed={"speed_control": False},
 )

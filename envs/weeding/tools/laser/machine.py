@@ -31,7 +31,7 @@ class PyBulletWeeder:
             raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
         self._core = core
         self._config: WeedingConfig = core.config
-        self._machine = WeederMachine(weeder_parameters(self._config))
+        self._machine = WeederMachine(self._config.parameters)
         self._dt = 1.0 / self._machine.parameters.physics_hz
         self.last_result: WeederResult | None = None
 
@@ -66,11 +66,6 @@ class PyBulletWeeder:
     def close(self) -> None:
         """Close the world; idempotent."""
         self._machine.close()
-
-
-def weeder_parameters(config: WeedingConfig) -> WeederParameters:
-    """The machine's parameters under the configuration's reach and cameras."""
-    return WeederParameters(base_height_m=config.reach.base_height_m, camera_ahead_m=config.cart.camera_ahead_m)
 
 
 def trajectory(config: WeedingConfig, plan: WeederPlan, phases_s: Array, time_s: Array) -> tuple[Array, Array]:

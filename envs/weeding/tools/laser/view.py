@@ -14,7 +14,7 @@ from ...timing import WORK
 from ...view import FieldView, Show
 from .aim import poses
 from .config import WeedingConfig
-from .machine import trajectory, weeder_parameters
+from .machine import trajectory
 from .process import B
 from .scene import WeederScene
 
@@ -34,7 +34,7 @@ class WeederView(FieldView[WeederScene]):
 
     def make_scene(self) -> WeederScene:
         """A scene: one for the cameras, and one for people with the machine in it."""
-        return WeederScene(self._config, weeder_parameters(self._config))
+        return WeederScene(self._config, self._config.parameters)
 
     def standing(self) -> Show[WeederScene]:
         """The machine as it stands now, its beam off."""
