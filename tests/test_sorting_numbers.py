@@ -313,10 +313,10 @@ def played(name: str, value: Any) -> bool:
     """Whether a setting is taken; then a few decisions go well with it."""
     try:
         config = override(CONFIG, {name: value})
+        env: Any = gym.make(ID, backend="analytic", config=config, disable_env_checker=True).unwrapped
     except ConfigError as error:
         assert "\n" not in str(error) and len(str(error)) < 400
         return False
-    env: Any = gym.make(ID, backend="analytic", config=config, disable_env_checker=True).unwrapped
     rng = np.random.default_rng(0)
     observation, info = env.reset(seed=1)
     for _ in range(8):

@@ -85,11 +85,11 @@ def test_every_number_is_refused_in_a_line_or_gives_observations_inside_their_sp
         for shown in (value, (value,) * 3):
             try:
                 config = override(TransplantingConfig(), {name: shown})
+                env = gym.make(ID, backend="analytic", perception="perfect", config=config, disable_env_checker=True)
             except ConfigError as error:
                 # A rule between fields may name another one of the same part.
                 assert "\n" not in str(error) and error.path.startswith(name.rpartition(".")[0]), str(error)
                 continue
-            env = gym.make(ID, backend="analytic", perception="perfect", config=config, disable_env_checker=True)
             observation, info = env.reset(seed=1)
             rng = np.random.default_rng(0)
             for _ in range(4):
