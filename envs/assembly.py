@@ -78,6 +78,18 @@ class Assembly(Generic[ConfigT]):
         best = "camera" if backend == "pybullet" else "model"
         return best if best in self.perceptions else self.perceptions[-1]
 
+    def batched(self, backend: str, perception: str | None, render_mode: str | None) -> str:
+        """Perception of a batch, once it is clear that what was asked for can be batched.
+
+        Raises:
+            ValueError: an argument is unknown, or needs a machine or a picture for people a world.
+        """
+        if choice("backend", backend, BACKENDS) != "analytic":
+            raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
+        if render_mode is not None:
+            raise ValueError(f"render_mode = {render_mode!r}: a batch draws no pictures for people, use None")
+        return choice("perception", perception or self.default_perception(backend), self.perceptions)
+
     def perception_model(self, perception: str, config: ConfigT) -> Any:
         """Statistics behind a perception level; None when reports come from a camera."""
         make = {"perfect": self.perfect, "model": self.measured}.get(perception)
@@ -135,7 +147,9 @@ class Assembly(Generic[ConfigT]):
         raise ValueError(f"scenario = {text!r} is unknown: {meant(text, tuple(self.scenarios))}, or name a .yaml file")
 
 
-KEYWORDS = ("scenario", "backend", "perception", "config", "overrides", "render_mode")
+KEYWORDS = (
+    "scenario", "backend", "perception", "config", "overrides", "render_mode", "observation", "pixel_rows", "depth"
+)  # fmt: skip
 
 
 def meant(name: str, known: Sequence[str]) -> str:

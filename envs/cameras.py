@@ -6,9 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from .core import TaskCore, View
+from .pixels import Pixels, Shown
 
 _ONE_ROW = np.zeros(1, np.int64)
 
@@ -29,25 +31,47 @@ class Cameras:
     """Looks for every world of a batch of rules; each world sees what it would see alone.
 
     Attributes:
+        senses: whether the rules take the views' reports.
         views: of the worlds, in their order.
         played: of the worlds, likewise.
     """
 
-    def __init__(self, core: TaskCore[Any, Any], make_view: Callable[[Any], View[Any]]):
-        """Make the views; meshes are made once."""
+    def __init__(self, core: TaskCore[Any, Any], make_view: Callable[[Any], View[Any]], senses: bool, shown: Shown):
+        """Make the views; meshes are made once.
+
+        Args:
+            core: the rules.
+            make_view: makes the view of one world.
+            senses: whether the rules take the views' reports.
+            shown: what observations hold.
+        """
+        self.senses = senses
         self._worlds = [core.world(row) for row in range(core.worlds)]
         first = make_view(self._worlds[0])
         self.views = [first, *(first.beside(world) for world in self._worlds[1:])]
         self.played = [Played(None)] * core.worlds
+        self._pixels = Pixels(self.views, shown) if shown.draws else None
+
+    def space(self, features: spaces.Dict) -> spaces.Dict:
+        """The space of observations, from that of the features."""
+        return self._pixels.space(features) if self._pixels else features
+
+    def observe(self, features: dict[str, Any], rows: NDArray[np.bool_] | None) -> dict[str, Any]:
+        """See ``Pixels.observe``."""
+        return self._pixels.observe(features, rows) if self._pixels else features
 
     def begin(self, rows: NDArray[np.int64], begun: Sequence[Any]) -> None:
         """Look at new episodes, which began with these fields or states of generators."""
+        if not self.senses:
+            return
         for row, how in zip(rows.tolist(), begun, strict=True):
             self.played[row] = Played(how)
             self.views[row].sense()
 
     def attend(self, awake: NDArray[np.bool_], actions: NDArray[np.int64]) -> None:
         """Look at what the worlds ``awake`` (B,) are about to work on, if there is a camera for it; note decisions."""
+        if not self.senses:
+            return
         for row in np.flatnonzero(awake).tolist():
             action = int(actions[row])
             self.views[row].attend(action)
@@ -55,6 +79,8 @@ class Cameras:
 
     def sense(self, awake: NDArray[np.bool_]) -> None:
         """Hand the worlds ``awake`` (B,) their cameras' reports where a look is due."""
+        if not self.senses:
+            return
         for row in np.flatnonzero(awake).tolist():
             self.views[row].sense()
 

@@ -238,8 +238,28 @@ class NominalExecutor(Generic[PlanT, OutcomeT]):
         """Nothing to free."""
 
 
+class Sight(NamedTuple):
+    """A picture of what can be chosen, as an observation.
+
+    Attributes:
+        rgb: (h, w, 3).
+        depth_m: (h, w), along the view.
+        place_px: (m, 2), column and row at which mark m + 1 stands; not finite where there is none.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth_m: NDArray[np.float32]
+    place_px: Array
+
+
 class View(Protocol[PlanIn]):
-    """The rendered world of one environment: what its cameras see and what people are shown."""
+    """The rendered world of one environment: what its cameras see and what people are shown.
+
+    Attributes:
+        depth_range_m: depths that a ``sight`` lies between.
+    """
+
+    depth_range_m: tuple[float, float] = (0.0, 2.0)
 
     def sense(self) -> None:
         """Hand the rules a camera's reports where a look is due."""
@@ -251,6 +271,20 @@ class View(Protocol[PlanIn]):
     def beside(self, core: Any) -> View[PlanIn]:
         """The view of another world, which shares this one's meshes."""
         ...
+
+    def sight_width(self, rows: int) -> int:
+        """Columns of a ``sight`` of that many rows."""
+        ...
+
+    def sight(self, rows: int) -> Sight:
+        """What can be chosen now, seen from above, as it is at this moment; it follows from the rules' state alone."""
+        ...
+
+    def slot_marks(self) -> NDArray[np.int64]:
+        """(K, j): the marks in a ``sight`` that belong to each slot; as it stands, slot k has mark k + 1."""
+        core: Any = self._core  # type: ignore[attr-defined]
+        slots = core.observation_space["candidates"].shape[0] // len(core.candidate_features)
+        return np.arange(1, slots + 1)[:, None]
 
     def frame(self) -> NDArray[np.uint8]:
         """Picture (h, w, 3) of the present state."""

@@ -17,12 +17,13 @@ from .assembly import Assembly, choice
 from .core import Executor, NominalExecutor, OutcomeT, PlanT, StepResult, TaskCore, View
 from .field import Field
 from .options import checked_options, checked_seed, completed
+from .pixels import DEFAULT_ROWS, Pixels, Shown
 from .state import State, check, put, refuse_closed, refuse_unready, taken
 
 _ONE_ROW = np.zeros(1, np.int64)
 _REMEMBERED = ("_over", "_given", "_drawn_from", "_decisions", "_last")
 """What a state holds of the environment itself."""
-_REBUILT = ("executor", "_view", "_make_view", "_window", "_on_frame")
+_REBUILT = ("executor", "_view", "_make_view", "_window", "_on_frame", "_pixels")
 """What a copy does not take over: it gets a machine and a view of its own, and nobody records it."""
 
 
@@ -42,6 +43,10 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         overrides: single numbers of the configuration by dotted name, ``{"process.power_w": 150.0}``.
         render_mode: ``"rgb_array"`` (``render`` returns a picture), ``"human"`` (a window follows every decision in
             real time) or None.
+        observation: ``"features"`` (numbers of the candidates), ``"pixels"`` (a picture of them instead) or ``"both"``,
+            see ``docs/pixels.md``.
+        pixel_rows: height of the pictures.
+        depth: add a picture of the depth.
         **settings: keywords of the task's own, see ``Assembly.settings``.
 
     Raises:
@@ -59,6 +64,9 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         config: Any = None,
         overrides: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
+        observation: str = "features",
+        pixel_rows: int = DEFAULT_ROWS,
+        depth: bool = False,
         **settings: Any,
     ):
         """Put the parts together."""
@@ -66,6 +74,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             raise ValueError(f"render_mode = {render_mode!r}: choose 'human', 'rgb_array' or None")
         parts, rest = self.equipped(settings)
         self._equipment = {name: value for name, value in settings.items() if name not in rest}
+        self.shown = Shown.checked(observation, pixel_rows, depth, parts.view is not None)
         backend = choice("backend", backend or parts.backends[0], parts.backends)
         perception = choice("perception", perception or parts.default_perception(backend), parts.perceptions)
         config = parts.configured(scenario, config, overrides, rest)
@@ -73,9 +82,12 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self.core: TaskCore[PlanT, OutcomeT] = parts.core(config, parts.perception_model(perception, config), 1)
         self.executor = self._driver(parts)
         self.render_mode = render_mode
-        self.observation_space = self.core.observation_space
+        self._make_view, self._view, self._closed = parts.view, None, False
+        self._pixels: Pixels | None = None
+        self.observation_space = (
+            self._drawer.space(self.core.observation_space) if self.shown.draws else self.core.observation_space
+        )
         self.action_space = self.core.action_space
-        self._make_view, self._view = parts.view, None
         self._window: Any = None
         self._sensing = perception == "camera"
         self._on_frame: Callable[[NDArray[np.uint8]], None] | None = None
@@ -85,7 +97,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self._mask = np.zeros(0, np.int8)
         self._given: Field | None = None
         self._drawn_from: Any = None
-        self._ready = self._over = self._closed = False
+        self._ready = self._over = False
         # With a camera these lead back to where the world stands, and nothing else does: the view remembers pictures.
         self._decisions: tuple[int, ...] = ()
 
@@ -98,6 +110,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         vars(self).update(copied)
         parts, _ = self.equipped(dict(self._equipment))
         self._make_view, self._view, self._window, self._on_frame = parts.view, None, None, None
+        self._pixels = None
         self.executor = NominalExecutor(self.core) if self._closed else self._driver(parts)
         if self._ready and not self._closed:
             if self._sensing:
@@ -336,8 +349,17 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         observation = self._observe()
         return observation, self._info([0.0] * len(self.core.reward_names), [0.0] * len(self.core.phase_names))
 
+    @property
+    def _drawer(self) -> Pixels:
+        if self._pixels is None:
+            self._pixels = Pixels([self.view], self.shown)
+        return self._pixels
+
     def _observe(self) -> dict[str, np.ndarray]:
-        observation = {name: values[0] for name, values in self.core.observe().items()}
+        seen = self.core.observe()
+        if self.shown.draws:
+            seen = self._drawer.observe(seen)
+        observation = {name: values[0] for name, values in seen.items()}
         self._mask = observation["action_mask"].copy()
         return observation
 

@@ -15,12 +15,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from .assembly import BACKENDS, Assembly, choice
+from .assembly import Assembly
 from .cameras import Cameras
 from .core import Array, NominalExecutor, OutcomeT, PlanT, TaskCore
 from .ended import Ended
 from .named import NamedColumns
 from .options import checked_options, checked_seeds, completed
+from .pixels import DEFAULT_ROWS, Shown
 from .state import State, check, put, refuse_closed, taken
 
 Observation = dict[str, NDArray[Any]]
@@ -50,7 +51,10 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             ``info["final_info"]``) or ``DISABLED`` (the caller resets with ``options={"reset_mask": ...}``; until then
             a world that is over stays so: whatever is chosen for it, it gives reward 0, its last observation and
             scorecard, and ``terminated`` or ``truncated`` again).
-        render_mode: None: the batch draws nothing.
+        render_mode: None: the batch draws nothing for people.
+        observation: as in ``TaskEnv``, like the next two.
+        pixel_rows: see there.
+        depth: see there.
         **settings: see ``scenario``.
 
     Raises:
@@ -70,12 +74,16 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         overrides: Mapping[str, Any] | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
+        observation: str = "features",
+        pixel_rows: int = DEFAULT_ROWS,
+        depth: bool = False,
         **settings: Any,
     ):
         """Put the parts together."""
         given = settings
         parts, settings = self.equipped(settings)
-        perception = _batched(parts, backend, perception, render_mode)
+        perception = parts.batched(backend, perception, render_mode)
+        self.shown = Shown.checked(observation, pixel_rows, depth, parts.view is not None)
         config = parts.configured(scenario, config, overrides, settings)
         self.backend, self.perception, self.scenario = backend, perception, parts.name_of(config.scenario)
         self._equipment = {name: value for name, value in given.items() if name not in settings}
@@ -84,9 +92,11 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self.num_envs = core.worlds
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self.single_observation_space = core.observation_space
+        self._cameras = self._equip()
+        known = core.observation_space
+        self.single_observation_space = self._cameras.space(known) if self._cameras else known
         self.single_action_space = core.action_space
-        self.observation_space = batch_space(core.observation_space, core.worlds)
+        self.observation_space = batch_space(self.single_observation_space, core.worlds)
         self.action_space = batch_space(core.action_space, core.worlds)
         self._generators: list[np.random.Generator | None] = [None] * core.worlds
         self._seeds = [-1] * core.worlds
@@ -94,7 +104,6 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self._ready, self._ended = False, Ended()
         self._named: dict[str, tuple[Any, ...]] = {}
         self._mask = np.zeros((core.worlds, int(core.action_space.n)), np.int8)
-        self._cameras = self._equip()
 
     def __getstate__(self) -> dict[str, Any]:
         """What a copy takes over: all but the cameras, which look at the worlds of this one."""
@@ -109,11 +118,9 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             self._cameras.play_again(played)
 
     def _equip(self) -> Cameras | None:
-        if self.perception != "camera":
-            return None
-        parts, _ = self.equipped(dict(self._equipment))
-        assert parts.view is not None  # without one there is no such perception
-        return Cameras(self.core, parts.view)
+        """The worlds' views, where one is needed: they see for the rules, or draw observations."""
+        view, senses = self.equipped(dict(self._equipment))[0].view, self.perception == "camera"
+        return Cameras(self.core, view, senses, self.shown) if view and (senses or self.shown.draws) else None
 
     @classmethod
     def equipped(cls, settings: dict[str, Any]) -> tuple[Assembly[Any], dict[str, Any]]:
@@ -150,9 +157,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self._restart(np.flatnonzero(chosen), asked.get("fields"))
         self._over[chosen] = False
         self._ready = all(generator is not None for generator in self._generators)
-        observation = self._observe()
-        nothing = np.zeros((n, len(self.core.reward_names))), np.zeros((n, len(self.core.phase_names)))
-        return observation, self._info(*nothing, chosen)
+        return self._standing(chosen)
 
     def step(
         self, actions: NDArray[np.int64]
@@ -190,7 +195,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             self._restart(np.flatnonzero(self._over))
         if resting and (ending := self._over & ~before).any():
             ends = {"terminated": terminated, "truncated": truncated, "scores": self.core.scores()}
-            self._ended.keep(ending, self.core.observe() | ends)
+            self._ended.keep(ending, self._seen(ending) | ends)
         observation = self._observe()
         # Added up as the single environment adds its terms.
         reward = sum(terms[:, i] for i in range(terms.shape[1]))
@@ -238,17 +243,14 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             self._generators[row], self._seeds[row] = generator, -1 if seed is None else seed
         remembered = copy.deepcopy(dict(state.remembered))
         played = remembered.pop("_played")
-        if self._cameras:
+        if self._cameras and self._cameras.senses:
             self._cameras.play_again(played)
         else:
             put(state, self.core)
         vars(self).update(remembered)
         self._ready = True
         self.executor.reset_rows(np.arange(self.num_envs))
-        observation = self._observe()
-        nothing = np.zeros((self.num_envs, len(self.core.reward_names)))
-        none = np.zeros((self.num_envs, len(self.core.phase_names)))
-        return observation, self._info(nothing, none, np.ones(self.num_envs, bool))
+        return self._standing(np.ones(self.num_envs, bool))
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """What ``name`` is in every world, or gives where it can be called, as Gymnasium's ``SyncVectorEnv`` answers.
@@ -334,8 +336,20 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
     def _mask_of(self, row: int) -> NDArray[np.bool_]:
         return self.action_masks()[row]
 
+    def _standing(self, present: NDArray[np.bool_]) -> tuple[Observation, dict[str, Any]]:
+        """Observation and info before any decision."""
+        observation, n = self._observe(), self.num_envs
+        nothing = np.zeros((n, len(self.core.reward_names))), np.zeros((n, len(self.core.phase_names)))
+        return observation, self._info(*nothing, present)
+
+    def _seen(self, rows: NDArray[np.bool_] | None = None) -> Observation:
+        """What the worlds, or of pictures those of ``rows`` (B,), show now."""
+        features = self.core.observe()
+        return self._cameras.observe(features, rows) if self._cameras else features
+
     def _observe(self) -> Observation:
-        observation = self.core.observe()
+        awake = ~self._over if self.autoreset_mode is AutoresetMode.DISABLED else None
+        observation = self._seen(awake)
         if self.autoreset_mode is AutoresetMode.DISABLED:
             self._ended.show(self._over, observation)
         self._mask = observation["action_mask"].copy()
@@ -358,7 +372,8 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
 
     def _final(self, terms: Array, phases: Array) -> dict[str, Any]:
         """The last observation and info of the worlds that end now, in Gymnasium's layout."""
-        batch = self._observe()
+        batch = self._seen(self._over)
+        self._mask = batch["action_mask"].copy()
         last = np.full(self.num_envs, None, object)
         for row in np.flatnonzero(self._over):
             last[row] = {name: values[row].copy() for name, values in batch.items()}
@@ -381,17 +396,3 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             bad = int(np.flatnonzero((numbers < 0) | (numbers >= n))[0])
             raise ValueError(f"action {int(numbers[bad])} of world {bad}: allowed range 0..{n - 1}")
         return numbers.astype(np.int64)
-
-
-def _batched(parts: Assembly[Any], backend: str, perception: str | None, render_mode: str | None) -> str:
-    """Perception of a batch, once it is clear that what was asked for can be batched.
-
-    Raises:
-        ValueError: an argument is unknown, or needs a machine or a picture a world.
-    """
-    if choice("backend", backend, BACKENDS) != "analytic":
-        raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
-    chosen = choice("perception", perception or parts.default_perception(backend), parts.perceptions)
-    if render_mode is not None:
-        raise ValueError(f"render_mode = {render_mode!r}: the batched environment draws nothing, use None")
-    return chosen

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -117,6 +117,10 @@ class PickerScene(Scene):
         inlet = np.array(HOSE_INLET_M) + np.array([cart_x_m, 0.0, 0.0])
         hose = self._hose.lay(outlet, (0.0, 0.0, 0.22), inlet, (0.14, 0.0, 0.0))
         self.stage.put("machine", joined([parts, hose]))
+        self.set_cart(cart_x_m)
+
+    def set_cart(self, cart_x_m: float) -> None:
+        """Show what stands about a cart position."""
         if cart_x_m != self._cart_x_m:
             self._cart_x_m = cart_x_m
             self._show_field()
@@ -132,6 +136,17 @@ class PickerScene(Scene):
         eye = np.array([self._cart_x_m + p.camera_ahead_m, 0.0, p.motor_height_m + p.camera_above_motors_m])
         # The image's long side lies along the row.
         return self.stage.look(self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), (0.0, 1.0, 0.0), engine=engine)
+
+    def sight_camera(self, rows: int) -> Camera:
+        """The machine's camera with that many rows."""
+        return replace(self._eye, width=round(rows * self._eye.width / self._eye.height), height=rows)
+
+    def look_without_machine(self, camera: Camera) -> Frame:
+        """What a camera in the place of the machine's would see, were there no machine."""
+        p = self.parameters
+        eye = np.array([self._cart_x_m + p.camera_ahead_m, 0.0, p.motor_height_m + p.camera_above_motors_m])
+        down = eye - np.array([0.0, 0.0, 1.0])
+        return self.stage.look(camera, eye, down, (0.0, 1.0, 0.0), "ground", "plants", "tufts")
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of machine and plants from beside the row."""

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ...perception import blooms
 from ...perception.frames import Frame
-from ..core import Array, StepResult, View
+from ..core import Array, Sight, StepResult, View
+from ..pixels import on_picture
 from .batch import fixed_order, stop_centres
 from .core import SafflowerCore
 from .machine import picker_parameters, trajectory
@@ -23,6 +24,8 @@ MATCH_RADIUS_M = 0.025
 
 class PickerView(View[PickerPlan]):
     """Scene of one world of the rules; follows the rules' state by itself."""
+
+    depth_range_m = 0.2, 1.4
 
     def __init__(self, core: SafflowerCore, scene: PickerScene | None = None):
         """Build the scene, where none is given; its plants come with the first look or picture."""
@@ -51,6 +54,21 @@ class PickerView(View[PickerPlan]):
         order = fixed_order(core.config, position[None], np.ones((1, len(position)), bool))[0][0]
         position = position[order]
         core.receive(0, position, seen.stage[here][order], seen.spread_m[here][order], self._heads_behind(position))
+
+    def sight_width(self, rows: int) -> int:
+        """See ``View.sight_width``."""
+        return self._scene.sight_camera(rows).width
+
+    def sight(self, rows: int) -> Sight:
+        """The stop's window from where the camera looked at it, without the machine; what is picked is bare."""
+        core = self._core
+        self._follow_field()
+        self._scene.set_cart(float(core.tables.look_pose[core.state.stop[0], 0]))
+        frame = self._scene.look_without_machine(self._scene.sight_camera(rows))
+        report = core.state.slot_report[0, :-1]
+        place = core.state.track_target[0, report] + core.frame
+        place[report == core.state.track_head.shape[1] - 1] = np.nan
+        return Sight(frame.rgb, frame.depth_m, on_picture(place, *frame.camera))
 
     def look(self) -> Frame:
         """What the machine's camera sees now."""
@@ -88,13 +106,17 @@ class PickerView(View[PickerPlan]):
 
     def _follow(self) -> None:
         """Bring the scene to the rules' state."""
+        pose = self._core.state.pose[0]
+        self._follow_field()
+        self._scene.set_machine(float(pose[0]), pose[1:])
+
+    def _follow_field(self) -> None:
         core = self._core
         self._load_if_new()
         for head in np.flatnonzero(core.state.head_visited[0, self._shown]):
             if head not in self._picked:
                 self._scene.set_picked(int(head))
                 self._picked.add(int(head))
-        self._scene.set_machine(float(core.state.pose[0, 0]), core.state.pose[0, 1:])
 
     def _load_if_new(self) -> None:
         core = self._core

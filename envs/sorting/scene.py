@@ -31,6 +31,8 @@ CAMERA_HEIGHT_M = 0.52
 """Of the camera above the belt."""
 OPEN_M = 0.036
 """From the middle of the gripper to either pad when it is open."""
+_MARGIN_M = 0.05
+"""A picture of what can be chosen reaches so far beyond the camera's place and the end of the reach."""
 BIN_HOLDS = 9
 """Items in a bin before it is exchanged: two layers of four and one on top."""
 _BIN_FLOOR_M, _BIN_HEIGHT_M, _BIN_PITCH_M, _LAYER_M = 0.135, 0.100, 0.034, 0.046
@@ -109,6 +111,20 @@ class SorterScene(Scene):
         """What the cell's camera sees, straight down on the belt upstream; the image's long side lies across it."""
         eye = np.array([self._config.belt.camera_x_m, 0.0, self._top + CAMERA_HEIGHT_M])
         return self.stage.look(self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), (1.0, 0.0, 0.0), engine=engine)
+
+    def sight_camera(self, rows: int) -> Camera:
+        """A camera of that many rows over what can be chosen from; its long side lies along the belt."""
+        belt = self._config.belt
+        along_m, across_m = belt.exit_x_m + _MARGIN_M - belt.camera_x_m + _MARGIN_M, belt.width_m
+        width, angle = round(rows * along_m / across_m), 2.0 * np.arctan(0.5 * across_m / CAMERA_HEIGHT_M)
+        return Camera(width, rows, float(angle), self._eye.near_m, self._eye.far_m)
+
+    def look_along(self, rows: int) -> Frame:
+        """What that camera sees: the machine over the belt is left out."""
+        belt = self._config.belt
+        eye = np.array([0.5 * (belt.camera_x_m + belt.exit_x_m), 0.0, self._top + CAMERA_HEIGHT_M])
+        down = eye - np.array([0.0, 0.0, 1.0])
+        return self.stage.look(self.sight_camera(rows), eye, down, (0.0, 1.0, 0.0), "cell", "ribs", "items")
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of the cell from beside the belt."""

@@ -12,12 +12,13 @@ from ...perception.frames import Frame
 from ...perception.produce import Belt, Produce, ProduceSettings, detect
 from ...rendering.noise import add_noise, stream
 from ..columns import names
-from ..core import Array, StepResult, View
-from .columns import ITEM, PHASE, REWARD, Report
+from ..core import Array, Sight, StepResult, View
+from ..pixels import on_picture
+from .columns import ITEM, NUMBER, PHASE, REWARD, Report
 from .core import SortingCore
 from .drawing import FRUIT
 from .motions import PickMotion, Way
-from .scene import BELT_END_M, BELT_START_M, BIN_HOLDS, OPEN_M, ShownItem, SorterScene, item_colour
+from .scene import BELT_END_M, BELT_START_M, BIN_HOLDS, CAMERA_HEIGHT_M, OPEN_M, ShownItem, SorterScene, item_colour
 from .state import PICK, SorterPlan
 
 MATCH_RADIUS_M = 0.025
@@ -45,6 +46,8 @@ def sensor_noise(frame: Frame, seed: int, number: int) -> Frame:
 
 class SorterView(View[SorterPlan]):
     """Scene of one world of the rules; follows the rules' state by itself."""
+
+    depth_range_m = CAMERA_HEIGHT_M - 0.10, CAMERA_HEIGHT_M + 0.10
 
     def __init__(self, core: SortingCore, scene: SorterScene | None = None):
         """Build the scene, where none is given."""
@@ -82,6 +85,27 @@ class SorterView(View[SorterPlan]):
         look = sensor_noise(self._scene.look(), int(self._core.sensor_seed[0]), number)
         height = self._config.machine.sorter.belt_height_m
         return taken_s, detect(look, Belt(height), self._settings)
+
+    def sight_width(self, rows: int) -> int:
+        """See ``View.sight_width``."""
+        return self._scene.sight_camera(rows).width
+
+    def sight(self, rows: int) -> Sight:
+        """The belt from the camera to the end of the reach, without the machine over it."""
+        core, state, speed = self._core, self._core.state, self._config.belt.speed_m_s
+        now, tool_m = float(core.time_s[0]), core.tables.tool_m
+        self._scene.set_belt(speed * now)
+        self._scene.set_items(self._items(now, state.item_free[0]))
+        frame = self._scene.look_along(rows)
+        report = state.slot_report[0]
+        number = state.number[0, report]
+        # Where the item is, from where the platform has to be over it.
+        along = speed * (now - number[:, NUMBER.passing_s]) - tool_m * number[:, NUMBER.z_axis_x]
+        across = number[:, NUMBER.across_m] - tool_m * number[:, NUMBER.z_axis_y]
+        up = number[:, NUMBER.height_m] - tool_m * number[:, NUMBER.z_axis_z] + core.tables.above_m
+        place = np.column_stack([along, across, self._config.machine.sorter.belt_height_m + up])
+        place[report == state.number.shape[1] - 1] = np.nan
+        return Sight(frame.rgb, frame.depth_m, on_picture(place, *frame.camera))
 
     def frame(self) -> NDArray[np.uint8]:
         """Picture of the present state."""

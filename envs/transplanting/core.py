@@ -98,7 +98,8 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
             place=np.zeros(b, np.int64),
             totals=np.zeros((b, len(names(Totals)))),
         )
-        # What a scene makes the seedlings' looks from; the rules never read it.
+        # What a scene makes the seedlings' looks, and the holes of plugs that are gone, from; the rules never read it.
+        self.source_began = np.zeros((b, rows_s, n), np.int8)
         self.source_looks = np.zeros((b, rows_s, n))
         self.target_looks = np.zeros((b, rows_t, m))
         self.episode = np.zeros(b, np.int64)
@@ -132,6 +133,7 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         state.source_cells[rows, :-1], state.target_cells[rows, :-1] = batch.source, batch.target
         state.target_cells[rows, -1] = HEALTHY
         state.luck[rows, :-1] = batch.luck
+        self.source_began[rows] = batch.source
         self.source_looks[rows], self.target_looks[rows] = batch.source_lot, batch.target_lot
         if self.perception is None:
             state.source_reports[rows], state.target_reports[rows] = EMPTY, HEALTHY

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -155,13 +155,17 @@ class TrayScene(Scene):
         across = self._centre_m[side] + (np.arange(kind.columns) - 0.5 * (kind.columns - 1)) * kind.pitch_m
         return np.column_stack([np.full(kind.columns, -CAMERA_AHEAD_M), across, np.full(kind.columns, TRAY_TOP_M)])
 
-    def look(self, side: Side, row: int, engine: Engine = "own") -> Frame:
-        """What the side's camera saw when ``row`` passed under it."""
+    def sight_camera(self, rows: int, width: int | None = None) -> Camera:
+        """A row camera with that many rows."""
+        return replace(self._eye, width=width or round(rows * self._eye.width / self._eye.height), height=rows)
+
+    def look(self, side: Side, row: int, engine: Engine = "own", camera: Camera | None = None) -> Frame:
+        """What the side's camera, or another in its place, saw when ``row`` passed under it."""
         offsets = self._lines[side].offsets_m()
         stretch = -CAMERA_AHEAD_M - _IN_VIEW_M, -CAMERA_AHEAD_M + _IN_VIEW_M
         self.stage.put("row", self._laid(side, offsets[row] - CAMERA_AHEAD_M, *stretch))
         eye = np.array([-CAMERA_AHEAD_M, self._centre_m[side], TRAY_TOP_M + CAMERA_ABOVE_M])
-        view = self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+        view = camera or self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
         frame = self.stage.look(*view, "room", "machine", "row", engine=engine)
         self.stage.put("row", joined([]))
         return frame

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from ...motion import QUINTIC
 from ...perception import trays
-from ..core import Array, StepResult, View
+from ..core import Array, Sight, StepResult, View
+from ..pixels import on_picture
 from .config import EMPTY
 from .core import TransplantingCore
 from .machine import Move, Trajectories, moves
 from .rules import FINISH, INDEX_SOURCE, INDEX_TARGET, NOTHING, TransplantPlan
-from .scene import SIDES, Side, TrayLine, TrayScene
+from .scene import CAMERA_ABOVE_M, SIDES, Side, TrayLine, TrayScene
 
 _NEEDLES_S = 0.06
 """Time in which a picture shows the needles closing."""
@@ -22,6 +23,8 @@ _NEEDLES_S = 0.06
 
 class TransplantView(View[TransplantPlan]):
     """Scene of one world of the rules; follows the rules' state by itself."""
+
+    depth_range_m = CAMERA_ABOVE_M - 0.15, CAMERA_ABOVE_M + 0.05
 
     def __init__(self, core: TransplantingCore, scene: TrayScene | None = None):
         """Build the scene, where none is given; its trays come with the first look or picture."""
@@ -58,6 +61,33 @@ class TransplantView(View[TransplantPlan]):
             cells = trays.Cells(self._scene.cells_m(side), line.tray.pitch_m, nursery_pitch_m)
             reports.append(trays.detect(frame, cells))
         core.receive(0, *reports)
+
+    def sight_width(self, rows: int) -> int:
+        """See ``View.sight_width``."""
+        return self._scene.sight_camera(rows // 2).width
+
+    def sight(self, rows: int) -> Sight:
+        """The presented rows as their cameras would see them now: the source's above the target's."""
+        self._follow()
+        halves = rows // 2, rows - rows // 2
+        width = self.sight_width(rows)
+        shown, place = [], []
+        for side, height in zip(SIDES, halves, strict=True):
+            last = len(self._lines[side].cells) - 1
+            row = min(self._row[side], last)
+            frame = self._scene.look(side, row, camera=self._scene.sight_camera(height, width))
+            middle = on_picture(self._scene.cells_m(side), *frame.camera)
+            # A row that has gone by is not presented any more.
+            middle[self._row[side] > last] = np.nan
+            shown.append(frame)
+            place.append(middle + np.array([0.0, 0.0 if side == "source" else halves[0]]))
+        rgb, depth = np.concatenate([f.rgb for f in shown]), np.concatenate([f.depth_m for f in shown])
+        return Sight(rgb, depth, np.concatenate(place))
+
+    def slot_marks(self) -> NDArray[np.int64]:
+        """A pair's source cell and target cell: (K, 2), the target's marks come behind the source's."""
+        n, m = self._core.source_shape[1], self._core.target_shape[1]
+        return np.stack([np.repeat(np.arange(n), m), n + np.tile(np.arange(m), n)], axis=-1) + 1
 
     def frame(self) -> NDArray[np.uint8]:
         """Picture of the present state."""
@@ -137,8 +167,10 @@ class TransplantView(View[TransplantPlan]):
         self._load_if_new()
         for side, cells in zip(SIDES, (core.state.source_cells, core.state.target_cells), strict=True):
             line, now = self._lines[side], cells[0, :-1]
-            line.hollow |= (now == EMPTY) & (line.cells != EMPTY)
             line.cells[...] = now
+        # The target's cells never had plugs of their own.
+        source = self._lines["source"]
+        source.hollow[...] = (source.cells == EMPTY) & (core.source_began[0] != EMPTY)
         self._row = {"source": int(core.state.source_row[0]), "target": int(core.state.target_row[0])}
         self._travel = {side: self._travel_to(side, self._row[side]) for side in SIDES}
         self._changed()

@@ -29,6 +29,8 @@ FRONT_SIGHT = (0.98, 0.80, 0.25, 1.0)
 _BEHIND_M, _AHEAD_M, _REPLANT_M = 1.0, 1.3, 0.25
 """What stands this far behind and ahead is drawn; it is chosen anew when the middle has gone the last distance."""
 _SENSOR_NOISE = 4.0
+_BESIDE_M, _CHOSEN_AHEAD_M = 0.06, 0.75
+"""Of a picture of what can be chosen: wider than the band by this, and reaching this far before the cart."""
 _SHADE = 0.55
 
 
@@ -39,6 +41,7 @@ class FieldScene(Scene):
         stage: what is drawn: the groups ``plants`` (weeds under their numbers, crop plants under theirs behind the
             weeds), ``soil`` (clods, stones, moss), ``ground``, and what tools add. Cameras see plants and soil.
         front: the camera in front of the cart.
+        eye_m: its height.
     """
 
     mark_radius_m, mark_colour = 0.008, SCORCHED
@@ -53,7 +56,7 @@ class FieldScene(Scene):
         """Add the meshes of field and camera."""
         self.config = config
         self.stage = Stage()
-        self._eye_m = camera_height_m
+        self.eye_m = camera_height_m
         self.front = Camera(400, 320, 2.0 * np.arctan(0.5 * config.cart.camera_view_m / camera_height_m), 0.10, 2.0)
         library = self.stage.library
         self._weed_mesh = np.array([[library.add(weed_mesh(k, stage)) for stage in (0, 1, 2)] for k in (0, 1)])
@@ -106,8 +109,28 @@ class FieldScene(Scene):
     def look_front(self, cart_m: float, engine: Engine = "own") -> Frame:
         """What the front camera sees, straight down; the top of the picture is ahead."""
         self.plant_around(cart_m)
-        eye = np.array([cart_m + self.config.cart.camera_ahead_m, 0.0, self._eye_m])
+        eye = np.array([cart_m + self.config.cart.camera_ahead_m, 0.0, self.eye_m])
         return self.look_down(self.front, eye, eye - np.array([0.0, 0.0, 1.0]), engine)
+
+    def sight_camera(self, rows: int, behind_m: float) -> Camera:
+        """A camera of that many rows over the stretch that can be chosen from; its long side lies along the row."""
+        across_m, along_m = self.config.scenario.band_m + _BESIDE_M, behind_m + _CHOSEN_AHEAD_M
+        width, angle = round(rows * along_m / across_m), 2.0 * np.arctan(0.5 * across_m / self.eye_m)
+        return Camera(width, rows, float(angle), self.front.near_m, self.front.far_m)
+
+    def look_along(self, cart_m: float, rows: int, behind_m: float) -> Frame:
+        """What that camera sees: pictures of the front camera, put together by the odometry, would show the same.
+
+        Args:
+            cart_m: position of the cart.
+            rows: of the picture.
+            behind_m: where behind the cart plants leave the tool's window.
+        """
+        self.plant_around(cart_m)
+        eye = np.array([cart_m + 0.5 * (_CHOSEN_AHEAD_M - behind_m), 0.0, self.eye_m])
+        camera, down = self.sight_camera(rows, behind_m), eye - np.array([0.0, 0.0, 1.0])
+        ground = self._ground(camera, eye)
+        return self.stage.look(camera, eye, down, (0.0, 1.0, 0.0), "plants", "soil", ground=ground)
 
     def render(self, width: int = 720, height: int = 480) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of machine and field from beside the row."""
@@ -129,7 +152,7 @@ class FieldScene(Scene):
 
     def show_front_frustum(self, cart_m: float) -> None:
         """Show people what the front camera sees from a cart position."""
-        place = (cart_m + self.config.cart.camera_ahead_m, 0.0, self._eye_m)
+        place = (cart_m + self.config.cart.camera_ahead_m, 0.0, self.eye_m)
         self.stage.put("sight", instances(self._front_frustum, place, None, FRONT_SIGHT), shadow=False)
 
     def look_down(self, camera: Camera, eye: Array, target: Array, engine: Engine = "own") -> Frame:

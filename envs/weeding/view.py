@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...perception.weeds import Seedlings, WeedTracker, detect
-from ..core import Array, StepResult, View
+from ..core import Array, Sight, StepResult, View
+from ..pixels import on_picture
 from .core import WeedingCore
 from .scene import FieldScene
 from .state import MODES, WAIT, WeederPlan
@@ -98,6 +99,8 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
         self._marks: list[Array] = []
         self._shown_dead = np.zeros(0, bool)
         self._focus: Array | None = None
+        self._sight: SceneT | None = None
+        self._sighted = _NONE
 
     def beside(self, core: WeedingCore) -> FieldView[SceneT]:
         """See ``View.beside``."""
@@ -168,6 +171,37 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
         for i in np.flatnonzero(same).tolist():
             self._front.tracker.tracks[self._listed[i]].treated = True
 
+    @property
+    def depth_range_m(self) -> tuple[float, float]:  # type: ignore[override]
+        """From above the highest crop plant to the ground under a leaning ray."""
+        height_m = self.camera_scene().eye_m
+        return 0.6 * height_m, 1.4 * height_m
+
+    @property
+    def _core(self) -> WeedingCore:
+        return self.core
+
+    def sight_width(self, rows: int) -> int:
+        """See ``View.sight_width``."""
+        return self.camera_scene().sight_camera(rows, self.core.machine.front_m).width
+
+    def sight(self, rows: int) -> Sight:
+        """The ground from the tool's window to where the camera has been, dead plants as the tool left them."""
+        core, state = self.core, self.core.state
+        if self._sight is None:
+            self._sight = self.camera_scene().another()
+        scene, end = self._sight, core.weeds_end
+        if self._sighted != self._identity():
+            self.show_strip(scene)
+            self._sighted = self._identity()
+        dead = state.plant_dose[0] >= state.plant_tolerance[0]
+        scene.set_dead(dead[:end][core.plant_exists[0, :end]], dead[end:], [])
+        frame = scene.look_along(float(state.cart[0]), rows, core.machine.front_m)
+        track = state.slot_track[0]
+        place = np.column_stack([state.track_report[0, track], np.zeros(len(track))])
+        place[track == core.capacity] = np.nan
+        return Sight(frame.rgb, frame.depth_m, on_picture(place, *frame.camera))
+
     def frame(self) -> NDArray[np.uint8]:
         """Picture of the present state."""
         return self._draw(self.standing())
@@ -190,7 +224,7 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
 
     def close(self) -> None:
         """Close the scenes; idempotent."""
-        for scene in (self._eyes, self._stage):
+        for scene in (self._eyes, self._stage, self._sight):
             if scene is not None:
                 scene.close()
 
