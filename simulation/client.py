@@ -47,7 +47,17 @@ def _import_pybullet() -> Any:
     return pybullet
 
 
-pybullet: Any = _import_pybullet()
+class _Later:
+    """The module, imported when something of it is used: pictures are drawn, and numbers asked for, without it."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Find a name in the module, and keep it."""
+        found = getattr(_import_pybullet(), name)
+        setattr(self, name, found)
+        return found
+
+
+pybullet: Any = _Later()
 """The module; typed as ``Any`` because it is a C extension without stubs."""
 
 
