@@ -122,8 +122,8 @@ def fixed_order(
     across = np.where(lane % 2.0 == 0.0, position[..., 1], -position[..., 1])
     key = np.where(seen, 1000.0 * stop + 10.0 * lane + np.minimum(np.maximum(across, -4.0), 4.0), np.inf)
     order = np.argsort(key, axis=1, kind="stable")
-    rows = np.broadcast_to(np.arange(len(seen))[:, None], seen.shape)
-    counts = np.bincount((rows * stops + stop.astype(np.int64))[seen], minlength=len(seen) * stops)
+    stops_before = stops * np.arange(len(seen))[:, None]
+    counts = np.bincount((stop.astype(np.int64) + stops_before)[seen], minlength=len(seen) * stops)
     first = np.concatenate([np.zeros((len(seen), 1), int), counts.reshape(-1, stops).cumsum(axis=1)], axis=1)
     return order, first
 

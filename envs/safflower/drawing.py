@@ -127,7 +127,7 @@ def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[
             occluded=(exists & occluded).reshape(shape),
             cut_luck=z.take(*shape[1:]),
             drop_luck=z.take(*shape[1:]),
-            plant=np.broadcast_to(np.arange(plants * slots) // slots, shape),
+            plant=np.arange(plants * slots)[None].repeat(len(uniform), axis=0) // slots,
         ),
         Plants(base, height, crown, np.full(len(uniform), plants)),
     )
