@@ -30,9 +30,6 @@ from fieldgym.envs.weeding.tools.hoe.process import (
     circle_s,
     covered_share,
     crop_loss,
-    depth50_m,
-    label_mode,
-    uproot_probability,
 )
 from fieldgym.motion import QUINTIC
 
@@ -148,15 +145,15 @@ def test_times_and_work_by_hand():
 
 def test_from_10_to_30_mm_the_share_of_uprooted_plants_doubles_around_one_half():
     even = replace(HOE, depth50_m=0.01667, stage_factor=(1.0, 1.0, 1.0))
-    shallow, deep = uproot_probability(even, np.array([0.010, 0.030]), 0, 1)
+    shallow, deep = even.response.chance(np.array([0.010, 0.030]), 0, 1)
     assert deep / shallow == pytest.approx(2.0, rel=0.03)
     assert 0.5 * (shallow + deep) == pytest.approx(0.51, abs=0.01)
 
 
 def test_labels_rise_with_the_stage_and_crop_loss_falls_with_the_gap():
-    labels = [label_mode(HOE, 0, stage) for stage in range(3)]
+    labels = HOE.response.labels()[0].tolist()
     assert labels == sorted(labels) and labels[0] < labels[2]
-    assert float(depth50_m(HOE, 1, 2)) == pytest.approx(HOE.depth50_m * 2.0 * 1.3)
+    assert float(HOE.response.half_of(1, 2)) == pytest.approx(HOE.depth50_m * 2.0 * 1.3)
     loss = crop_loss(HOE, np.array([0.0, 0.02, 0.025, 0.03, 0.05]))
     assert loss.shape == (5, 3) and np.all(np.diff(loss, axis=0) <= 0.0) and np.all(np.diff(loss, axis=1) >= 0.0)
     assert loss[0, NORMAL] == pytest.approx(1.0 / (1.0 + (0.012 / 0.022) ** 2)) and np.all(loss[-1] < 1e-9)

@@ -27,9 +27,6 @@ from fieldgym.envs.weeding.tools.laser.machine import check_reach
 from fieldgym.envs.weeding.tools.laser.process import (
     Burn,
     ProcessConfig,
-    ed50_j,
-    kill_probability,
-    label_dose,
 )
 from fieldgym.motion import QUINTIC
 
@@ -225,9 +222,10 @@ def test_the_cart_s_way_against_summation(before, after, time_s):
 
 def test_the_published_dose_kills_95_percent():
     process = ProcessConfig()
-    assert kill_probability(process, 54.0, 0, 1) == pytest.approx(0.95)
-    assert ed50_j(process, 1, 2) == pytest.approx(process.ed50_j * 3.0 * 1.75)
-    assert label_dose(process, 0, 0) <= label_dose(process, 0, 1) <= label_dose(process, 0, 2)
+    assert process.response.chance(54.0, 0, 1) == pytest.approx(0.95)
+    assert process.response.half_of(1, 2) == pytest.approx(process.ed50_j * 3.0 * 1.75)
+    labels = process.response.labels()
+    assert (np.diff(labels, axis=1) >= 0).all() and labels[0].tolist() == [0, 1, 2]
 
 
 def test_a_shot_reaches_all_that_grows_there_and_nothing_else():

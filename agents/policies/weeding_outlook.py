@@ -9,13 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.weeding.config import SPECIES, STAGES
 from ...envs.weeding.tools.hoe.arm import HoeArm
 from ...envs.weeding.tools.hoe.config import HoeWeedingConfig
-from ...envs.weeding.tools.hoe.process import HoeProcess, crop_loss, label_mode, uproot_table
+from ...envs.weeding.tools.hoe.process import HoeProcess, crop_loss
 from ...envs.weeding.tools.laser.aim import LaserArm
 from ...envs.weeding.tools.laser.config import WeedingConfig
-from ...envs.weeding.tools.laser.process import LaserProcess, chance_table, label_dose
+from ...envs.weeding.tools.laser.process import LaserProcess
 
 Array = NDArray[np.float64]
 
@@ -59,15 +58,15 @@ def _laser(config: WeedingConfig) -> Outlook:
     def harm(gap_m: Array) -> Array:
         width = numbers.spot_radius_m**2 + numbers.crop_heart_m**2
         arrives = process.energy_j * np.exp(-2.0 * gap_m * gap_m / width)[..., None]
-        return 1.0 / (1.0 + (numbers.crop_ed50_j / np.maximum(arrives, 1e-9)) ** numbers.crop_slope)
+        return numbers.response.crop_chance(arrives)
 
     return Outlook(
         arm=LaserArm.of(config.reach, config.cart.early_s),
         lean_share=config.reach.lean_m / config.reach.front_m,
         work_s=process.work_s.sum(axis=1),
         energy_j=process.energy_j,
-        chance=chance_table(numbers),
-        label=np.array([[label_dose(numbers, i, j) for j in range(len(STAGES))] for i in range(len(SPECIES))]),
+        chance=numbers.response.chances(),
+        label=numbers.response.labels(),
         harm=harm,
     )
 
@@ -87,7 +86,7 @@ def _hoe(config: HoeWeedingConfig) -> Outlook:
         lean_share=0.0,
         work_s=process.work_s.sum(axis=1),
         energy_j=process.energy_j,
-        chance=uproot_table(numbers),
-        label=np.array([[label_mode(numbers, i, j) for j in range(len(STAGES))] for i in range(len(SPECIES))]),
+        chance=numbers.response.chances(),
+        label=numbers.response.labels(),
         harm=harm,
     )

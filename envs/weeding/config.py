@@ -10,6 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...kernels.config import Config, choice, flag, nested, num
 
 STAGES = ("cotyledon", "two-leaf", "four-leaf")
@@ -181,19 +184,19 @@ class FieldTask(Config):
         """Reach to either side."""
         raise NotImplementedError
 
-    def label_work_s(self, species: int, stage: int) -> float:
-        """Seconds on a weed of a kind in the mode that it calls for."""
+    @property
+    def label_work_s(self) -> NDArray[np.float64]:
+        """Seconds (species, stage) on a weed in the mode that its kind calls for."""
         raise NotImplementedError
 
     @property
     def service_s(self) -> float:
         """Expected seconds for one weed: the move, and the work that its kind calls for."""
         scenario = self.scenario
-        grass = scenario.grass_share
         work_s = 0.0
-        for species, share in enumerate((1.0 - grass, grass)):
-            for stage, part in enumerate(scenario.stage_shares):
-                work_s += share * part * self.label_work_s(species, stage)
+        for share, row in zip((1.0 - scenario.grass_share, scenario.grass_share), self.label_work_s, strict=True):
+            for part, seconds in zip(scenario.stage_shares, row.tolist(), strict=True):
+                work_s += share * part * seconds
         return self.nominal_move_s + work_s
 
     @property

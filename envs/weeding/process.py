@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from ...kernels import by_kind
 from ..core import Array
 
-LABEL_KILL = 0.8
-"""A mode is recommended for a kind of weed when it is expected to kill this share."""
-
 
 class Work(Protocol):
     """Numbers of a process that every tool's work on plants has."""

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 from .....kernels.config import nested
 from .....simulation.hoe_model import HoeParameters
+from ....core import Array
 from ...config import FieldTask
 from .arm import HoeReach
-from .process import HoeProcessConfig, label_mode
+from .process import HoeProcessConfig
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class HoeWeedingConfig(FieldTask):
         """Reach to either side."""
         return self.reach.half_width_m
 
-    def label_work_s(self, species: int, stage: int) -> float:
-        """Seconds of the stir that a kind calls for."""
-        return float(self.process.work_s[label_mode(self.process, species, stage)].sum())
+    @property
+    def label_work_s(self) -> Array:
+        """Seconds (species, stage) of the stir that a kind calls for."""
+        return self.process.work_s.sum(axis=1)[self.process.response.labels()]

@@ -21,15 +21,14 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .....kernels import bind, compiled
 from .....kernels.config import Config, num
 from .....motion import QUINTIC
 from ....columns import Says, names, numbered
 from ....core import Array
-from ...config import SPECIES, STAGES
-from ...process import LABEL_KILL
+from ...response import Response
 
 EXPECTED_SHARE = 0.95
 """Share of the root zone that a stir sweeps at the front camera's and the odometry's error; for choosing
@@ -126,6 +125,13 @@ class HoeProcessConfig(Config):
         # On the way down and up the force grows and falls with the depth.
         return force * (2.0 * math.pi * radius + depth)
 
+    @property
+    def response(self) -> Response:
+        """What plants can take, in metres of depth over their whole root zone."""
+        gentle, normal, deep = (EXPECTED_SHARE * depth for depth in self.depth_m)
+        weeds = self.depth50_m, self.slope, self.stage_factor, self.grass_factor
+        return Response(*weeds, self.crop_depth50_m, self.crop_slope, (gentle, normal, deep))
+
 
 def circle_s(radius_m: float, velocity_m_s: float, acceleration_m_s2: float) -> float:
     """Seconds of one turn from rest to rest on a circle, the angle on the quintic law, under the two limits.
@@ -196,37 +202,11 @@ def dose(work: Stir, mode: int, along_m: float, across_m: float, kind: int) -> f
 bind(Stir, dose)
 
 
-def depth50_m(process: HoeProcessConfig, species: ArrayLike, stage: ArrayLike) -> Array:
-    """Depth (...) over the root zone that uproots half of a kind (indices into ``SPECIES`` and ``STAGES``)."""
-    factor = np.asarray(process.stage_factor)[np.asarray(stage)]
-    return process.depth50_m * factor * np.where(np.asarray(species) == 1, process.grass_factor, 1.0)
-
-
-def uproot_probability(process: HoeProcessConfig, dose_m: ArrayLike, species: ArrayLike, stage: ArrayLike) -> Array:
-    """Logistic in the logarithm of the dose; shapes broadcast."""
-    ratio = depth50_m(process, species, stage) / np.maximum(dose_m, 1e-9)
-    return 1.0 / (1.0 + ratio**process.slope)
-
-
-def uproot_table(process: HoeProcessConfig) -> Array:
-    """Expected probability (species, stage, intensity) that a stir at the usual aim error uproots a weed."""
-    species, stage = np.meshgrid(np.arange(len(SPECIES)), np.arange(len(STAGES)), indexing="ij")
-    doses = EXPECTED_SHARE * np.asarray(process.depth_m)
-    return uproot_probability(process, doses, species[..., None], stage[..., None])
-
-
-def label_mode(process: HoeProcessConfig, species: int, stage: int) -> int:
-    """Lowest intensity that is expected to uproot four of five weeds of a kind, else the deepest."""
-    enough = np.flatnonzero(uproot_table(process)[species, stage] >= LABEL_KILL)
-    return int(enough[0]) if len(enough) else len(INTENSITIES) - 1
-
-
 def crop_loss(process: HoeProcessConfig, gap_m: ArrayLike) -> Array:
     """Probability (..., 3) that a stir at distances (...) from a crop plant loses it, by intensity."""
     gap = np.atleast_1d(np.asarray(gap_m, dtype=np.float64))
     share = np.array([[covered_share(r, process.crop_root_m, d) for r in process.sweep_m] for d in gap.ravel()])
-    depth = np.asarray(process.depth_m) * share.reshape(*gap.shape, 3)
-    return 1.0 / (1.0 + (process.crop_depth50_m / np.maximum(depth, 1e-9)) ** process.crop_slope)
+    return process.response.crop_chance(np.asarray(process.depth_m) * share.reshape(*gap.shape, 3))
 
 
 class HoeProcess:
@@ -237,14 +217,6 @@ class HoeProcess:
 
     def __init__(self, config: HoeProcessConfig):
         """Tabulate by intensity."""
-        self.config = config
-        self.work = Stir.of(config)
+        self.work, response = Stir.of(config), config.response
+        self.tolerance, self.crop_tolerance = response.tolerance, response.crop_tolerance
         self.energy_j, self.work_s = config.energy_j, config.work_s
-
-    def tolerance(self, species: NDArray[np.int64], stage: NDArray[np.int64], luck: Array) -> Array:
-        """Dose (...) that uproots each weed: the logistic's quantile."""
-        return depth50_m(self.config, species, stage) * (luck / (1.0 - luck)) ** (1.0 / self.config.slope)
-
-    def crop_tolerance(self, luck: Array) -> Array:
-        """Dose (...) from which each crop plant is lost."""
-        return self.config.crop_depth50_m * (luck / (1.0 - luck)) ** (1.0 / self.config.crop_slope)

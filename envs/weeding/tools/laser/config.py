@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from .....kernels.config import nested
 from .....simulation.weeder_model import WeederParameters
+from ....core import Array
 from ...config import FieldTask
 from .aim import LaserReach
-from .process import ProcessConfig, label_dose
+from .process import ProcessConfig
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,8 @@ class WeedingConfig(FieldTask):
         """Reach to either side."""
         return self.reach.half_width_m
 
-    def label_work_s(self, species: int, stage: int) -> float:
-        """Seconds of the correction and of the dose that a kind calls for."""
+    @property
+    def label_work_s(self) -> Array:
+        """Seconds (species, stage) of the correction and of the dose that a kind calls for."""
         process = self.process
-        return process.correct_s + process.dose_j[label_dose(process, species, stage)] / process.power_w
+        return process.correct_s + np.array(process.dose_j)[process.response.labels()] / process.power_w

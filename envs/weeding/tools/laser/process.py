@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .....kernels import bind, compiled
 from .....kernels.config import Config, num
 from ....columns import Says, names, numbered
-from ....core import Array
-from ...config import STAGES
-from ...process import LABEL_KILL
+from ...response import Response
 
 EXPECTED_OVERLAP = 0.7
 """Share of a shot that reaches the growing point at an aim error of 1.5 mm an axis; for choosing doses only."""
@@ -71,39 +68,12 @@ class ProcessConfig(Config):
         """Dose that kills half of the two-leaf broadleaves: the logistic's 95 % point taken back to 50 %."""
         return self.ed95_j * math.exp(-math.log(0.95 / 0.05) / self.slope)
 
-
-def ed50_j(process: ProcessConfig, species: ArrayLike, stage: ArrayLike) -> Array:
-    """Centred dose (...) that kills half of the weeds of a kind (indices into ``SPECIES`` and ``STAGES``)."""
-    factor = np.asarray(process.stage_factor)[np.asarray(stage)]
-    return process.ed50_j * factor * np.where(np.asarray(species) == 1, process.grass_factor, 1.0)
-
-
-def kill_probability(process: ProcessConfig, dose_j: ArrayLike, species: ArrayLike, stage: ArrayLike) -> Array:
-    """Logistic in the logarithm of the dose on the growing point (Marx et al. 2012); shapes broadcast."""
-    ratio = ed50_j(process, species, stage) / np.maximum(dose_j, 1e-9)
-    return 1.0 / (1.0 + ratio**process.slope)
-
-
-def tolerance_j(process: ProcessConfig, species: ArrayLike, stage: ArrayLike, luck: Array) -> Array:
-    """Dose at which one plant dies: the logistic's quantile, so a dose d kills with ``kill_probability(d)``."""
-    odds = luck / (1.0 - luck)
-    return ed50_j(process, species, stage) * odds ** (1.0 / process.slope)
-
-
-def overlap(spot_radius_m: float, plant_radius_m: ArrayLike, square_m2: ArrayLike) -> Array:
-    """Share of a shot that reaches a growing point at squared offset ``square_m2``.
-
-    A Gaussian beam of 1/e2 radius w over a Gaussian growing point of radius r: exp(-2 e^2 / (w^2 + r^2)), 1 when
-    centred: doses are quoted for centred shots.
-    """
-    return np.exp(np.multiply(square_m2, -2.0) / (spot_radius_m**2 + np.square(plant_radius_m)))
-
-
-def label_dose(process: ProcessConfig, species: int, stage: int) -> int:
-    """Lowest dose level that is expected to kill four of five weeds of a kind, else the highest."""
-    chance = kill_probability(process, EXPECTED_OVERLAP * np.asarray(process.dose_j), species, stage)
-    enough = np.flatnonzero(chance >= LABEL_KILL)
-    return int(enough[0]) if len(enough) else len(DOSES) - 1
+    @property
+    def response(self) -> Response:
+        """What plants can take, in joules."""
+        low, normal, high = (EXPECTED_OVERLAP * dose for dose in self.dose_j)
+        weeds = self.ed50_j, self.slope, self.stage_factor, self.grass_factor
+        return Response(*weeds, self.crop_ed50_j, self.crop_slope, (low, normal, high))
 
 
 class Burn(NamedTuple):
@@ -131,7 +101,11 @@ class Burn(NamedTuple):
 
 @compiled
 def dose(work: Burn, mode: int, along_m: float, across_m: float, kind: int) -> float:
-    """Energy that reaches a growing point at an offset from the beam's middle; see ``overlap``."""
+    """Energy that reaches a growing point at an offset e from the beam's middle.
+
+    Of a Gaussian beam of 1/e2 radius w over a Gaussian growing point of radius r: exp(-2 e^2 / (w^2 + r^2)), 1 when
+    centred: doses are quoted for centred shots.
+    """
     return work.energy_j[mode] * math.exp((along_m * along_m + across_m * across_m) * work.per_m2[kind])
 
 
@@ -146,22 +120,7 @@ class LaserProcess:
 
     def __init__(self, config: ProcessConfig):
         """Tabulate by dose level."""
-        self.config = config
-        self.work = Burn.of(config)
+        self.work, response = Burn.of(config), config.response
+        self.tolerance, self.crop_tolerance = response.tolerance, response.crop_tolerance
         self.energy_j = np.array(config.dose_j, float)
         self.work_s = np.column_stack([np.full(len(DOSES), config.correct_s), self.energy_j / config.power_w])
-
-    def tolerance(self, species: NDArray[np.int64], stage: NDArray[np.int64], luck: Array) -> Array:
-        """Dose (...) that kills each weed."""
-        return tolerance_j(self.config, species, stage, luck)
-
-    def crop_tolerance(self, luck: Array) -> Array:
-        """Dose (...) that kills each crop plant."""
-        return self.config.crop_ed50_j * (luck / (1.0 - luck)) ** (1.0 / self.config.crop_slope)
-
-
-def chance_table(process: ProcessConfig) -> Array:
-    """Expected kill probability (species, stage, dose) of a shot at the usual aim error."""
-    species, stage = np.meshgrid([0, 1], np.arange(len(STAGES)), indexing="ij")
-    doses = EXPECTED_OVERLAP * np.asarray(process.dose_j)
-    return kill_probability(process, doses, species[..., None], stage[..., None])
