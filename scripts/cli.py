@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import fieldgym
-from fieldgym.scripts import benchmark, evaluate, field, prepare, report, reproduce, run, train
+from fieldgym.scripts import benchmark, evaluate, field, prepare, report, reproduce, run, train, view
 from fieldgym.scripts.common import execute, usable_tasks
 
 app = typer.Typer(
@@ -19,6 +19,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("run")(run.main)
+app.command("view")(view.main)
 app.command("benchmark")(benchmark.main)
 app.command("report")(report.main)
 app.command("reproduce")(reproduce.main)

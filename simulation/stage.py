@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import copy
-from typing import Literal, TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +18,34 @@ from ..rendering.renderer import GroundLook, Look, Renderer
 
 Engine = Literal["own", "tiny"]
 SceneT = TypeVar("SceneT", bound="Scene")
+
+
+class Spectator(NamedTuple):
+    """Somebody who wants to have scenes, not pictures of them.
+
+    Attributes:
+        scene: takes a stage, the camera of a picture for people, where it stands and what is in its middle, (3,) each.
+        look: takes what one of the machine's own cameras saw, and the camera.
+    """
+
+    scene: Callable[[Stage, Camera, ArrayLike, ArrayLike], None]
+    look: Callable[[Camera, Frame], None]
+
+
+_SPECTATOR: ContextVar[Spectator | None] = ContextVar("spectator", default=None)
+
+
+@contextmanager
+def watched(spectator: Spectator) -> Iterator[None]:
+    """While the block runs, in its thread, pictures for people are not painted: the spectator is shown the scene.
+
+    Whoever asked for a picture gets an empty one. What machines see stays as it is.
+    """
+    token = _SPECTATOR.set(spectator)
+    try:
+        yield
+    finally:
+        _SPECTATOR.reset(token)
 
 
 class Stage:
@@ -52,6 +83,11 @@ class Stage:
         if not shadow:
             self._shadowless.add(group)
 
+    @property
+    def groups(self) -> Mapping[str, Instances]:
+        """What stands in each group; a group that has not changed is the same object as before."""
+        return self._groups
+
     def things(self, *groups: str) -> Instances:
         """What stands in some groups, or in all.
 
@@ -78,7 +114,11 @@ class Stage:
         """What a camera sees of some groups, or of all; ``seen`` says whom its pixels show."""
         if engine == "tiny":
             return self.seen(camera, eye, target, up, *groups, engine=engine).frame
-        return self._renderer.look(self.things(*groups), camera, eye, target, up, ground, identities=False).frame
+        frame = self._renderer.look(self.things(*groups), camera, eye, target, up, ground, identities=False).frame
+        spectator = _SPECTATOR.get()
+        if spectator is not None:
+            spectator.look(camera, frame)
+        return frame
 
     def seen(
         self,
@@ -113,6 +153,10 @@ class Stage:
 
     def picture(self, camera: Camera, eye: ArrayLike, target: ArrayLike, about: ArrayLike) -> NDArray[np.uint8]:
         """A picture (h, w, 3) for people, with sky and with the shadows of what is about a place (3,)."""
+        spectator = _SPECTATOR.get()
+        if spectator is not None:
+            spectator.scene(self, camera, eye, target)
+            return np.zeros((camera.height, camera.width, 3), np.uint8)
         things = self.things()
         if self._casters is None:
             self._casters = self.things(*(name for name in self._groups if name not in self._shadowless))

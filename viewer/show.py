@@ -1,0 +1,237 @@
+"""The page: a server, the seats that play, and one loop that carries time on."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..rendering.renderer import SUN
+from .desk import Desk
+from .mirror import Mirror
+from .play import Play
+from .reel import Scene
+from .seat import Seat
+
+LOOPBACK = "127.0.0.1"
+SCENES_PER_SECOND = 36.0
+"""Scenes a second of the viewer's own time, whatever the speed."""
+SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+_LONGEST_S = 0.1
+"""A turn of the loop carries time on by this at most: what computes slower than it plays plays slower."""
+_APART_M = 3.0
+"""Between two machines side by side."""
+
+
+class Viewer:
+    """A live view of episodes in a browser.
+
+    Attributes:
+        play: what is played.
+        seats: who plays, one or two.
+        speed: simulated seconds a second.
+        speeds: those to choose from.
+        bound: what no policy can beat on this field, as parts of a scorecard; None where nobody knows.
+        running: whether time goes on.
+        now_s: simulated time.
+        updates: scenes that were shown so far.
+    """
+
+    def __init__(
+        self,
+        play: Play,
+        make_seat: Callable[[Play, str], Seat],
+        host: str = LOOPBACK,
+        port: int = 8080,
+        speed: float = 1.0,
+    ):
+        """Serve the page.
+
+        Args:
+            play: what is played first.
+            make_seat: makes the seat of a policy.
+            host: who may connect; the loopback alone by default.
+            port: of the page.
+            speed: at first.
+        """
+        import viser
+
+        self.play, self.speed, self.running = play, speed, False
+        self.speeds = tuple(sorted({*SPEEDS, speed}))
+        self.bound: dict[str, float] | None = None
+        self.seats: list[Seat] = []
+        self.updates = 0
+        self._make_seat = make_seat
+        self._mirrors: list[Mirror] = []
+        self.now_s = 0.0
+        self._single = False
+        self._orders: queue.Queue[Callable[[], None]] = queue.Queue()
+        self._closing = threading.Event()
+        self.server = viser.ViserServer(host=host, port=port, label="fieldgym", verbose=False)
+        _light(self.server.scene)
+        self.desk = Desk(self.server, self)
+        self.load(play)
+
+    @property
+    def address(self) -> str:
+        """Of the page."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def order(self, deed: Callable[[], None]) -> None:
+        """Have something done in the loop's thread, which alone touches seats."""
+        self._orders.put(deed)
+
+    def load(self, play: Play, fresh: bool = True) -> None:
+        """Begin an episode.
+
+        Args:
+            play: what is played from now on.
+            fresh: make new environments and policies; else the present ones go back to the start.
+
+        Raises:
+            ValueError: something of it does not exist; what was played before goes on.
+        """
+        names = [play.policy, *([play.against] if play.against else [])]
+        if fresh:
+            seats = [self._make_seat(play, name) for name in names]
+            for seat in self.seats:
+                seat.close()
+            for mirror in self._mirrors:
+                mirror.remove()
+            self.seats, self._mirrors = seats, []
+        self.play, self._single, self.running = play, False, False
+        scenes = [seat.begin(lambda env: _reset(env, play)) for seat in self.seats]
+        self.now_s = max(seat.now_s for seat in self.seats)
+        if fresh:
+            aside = _aside(scenes[0])
+            self._mirrors = [Mirror(self.server.scene, f"/seat{k}", k * _APART_M * aside) for k in range(len(scenes))]
+            self._aim(scenes[0], 0.5 * (len(scenes) - 1) * _APART_M * aside)
+        for mirror, scene in zip(self._mirrors, scenes, strict=True):
+            self._show(mirror, scene)
+        self.desk.loaded()
+
+    def set_running(self, running: bool) -> None:
+        """Let time go on, or stop it."""
+        self.running, self._single = running and not self.over, False
+        self.desk.running()
+
+    def single(self, action: int | None = None) -> None:
+        """Play the first seat's next decision, or the rest of the present one, and stop."""
+        if self.over:
+            return
+        first = self.seats[0]
+        if not first.busy:
+            first.start(self._rate, action)
+        self.running = self._single = True
+        self.desk.running()
+
+    @property
+    def over(self) -> bool:
+        """Whether every seat's episode has ended."""
+        return all(seat.over for seat in self.seats)
+
+    def run(self, until: Callable[[], bool] = lambda: False) -> None:
+        """Play until the viewer is closed, or until ``until`` says so."""
+        last = due = time.perf_counter()
+        while not self._closing.is_set() and not until():
+            self._obey()
+            now = time.perf_counter()
+            if self.running:
+                self._go_on(min(now - last, _LONGEST_S) * self.speed)
+            last = now
+            # Late turns are made up for, but not many of them.
+            due = max(due + 1.0 / SCENES_PER_SECOND, time.perf_counter() - _LONGEST_S)
+            time.sleep(max(0.0, due - time.perf_counter()))
+
+    def stop(self) -> None:
+        """End the loop."""
+        self._closing.set()
+
+    def close(self) -> None:
+        """Close the page and the environments; idempotent."""
+        self.stop()
+        for seat in self.seats:
+            seat.close()
+        self.server.stop()
+
+    @property
+    def _rate(self) -> float:
+        return SCENES_PER_SECOND / self.speed
+
+    def _obey(self) -> None:
+        while True:
+            try:
+                deed = self._orders.get_nowait()
+            except queue.Empty:
+                return
+            try:
+                deed()
+            except ValueError as error:
+                self.desk.tell(str(error))
+
+    def _go_on(self, ahead_s: float) -> None:
+        """Carry time on."""
+        now_s = self.now_s + ahead_s
+        for k, (seat, mirror) in enumerate(zip(self.seats, self._mirrors, strict=True)):
+            newest = None
+            while not seat.over:
+                if not seat.busy:
+                    if seat.now_s > now_s:
+                        break
+                    seat.start(self._rate)
+                scene, ended = seat.until(now_s)
+                newest = scene or newest
+                if not ended:
+                    break
+                newest = seat.finish() or newest
+                self.desk.decided()
+                if k == 0 and self._single:
+                    now_s = max(self.now_s, min(now_s, seat.now_s))
+                    self.set_running(False)
+                    break
+            if newest is not None:
+                self._show(mirror, newest)
+        self.now_s = now_s
+        self.desk.tick()
+        if self.over:
+            self.set_running(False)
+
+    def _show(self, mirror: Mirror, scene: Scene) -> None:
+        with self.server.atomic():
+            mirror.show(scene)
+        self.updates += 1
+
+    def _aim(self, scene: Scene, aside: Any) -> None:
+        """Point the pages' cameras as a picture's would be."""
+        away = (scene.eye - scene.middle) * (1.1 if len(self.seats) == 1 else 2.3)
+        camera = self.server.initial_camera
+        camera.position, camera.look_at = aside + away, aside
+        camera.fov = scene.view_rad
+        for client in self.server.get_clients().values():
+            client.camera.position, client.camera.look_at = aside + away, aside
+
+
+def _light(scene: Any) -> None:
+    """The sun of the pictures, and the sky; nothing of it has to be fetched."""
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(False)
+    scene.add_light_hemisphere("/light/sky", sky_color=(226, 236, 246), ground_color=(150, 140, 128), intensity=2.6)
+    scene.add_light_directional(
+        "/light/sun", color=(255, 250, 240), intensity=2.4, cast_shadow=True, position=tuple(4.0 * SUN.towards)
+    )
+
+
+def _reset(env: Any, play: Play) -> tuple[Any, Any]:
+    return env.reset(seed=play.seed, options=None if play.field is None else {"field": play.field})
+
+
+def _aside(scene: Scene) -> Any:
+    """The level axis that goes to the right in a picture, a unit vector (3,)."""
+    ahead = scene.middle - scene.eye
+    right = np.array([ahead[1], -ahead[0]])
+    axis = int(np.abs(right).argmax())
+    return np.eye(3)[axis] * np.sign(right[axis])
