@@ -7,11 +7,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import allocated, shaped
 from ..columns import Says, numbered
 from ..core import Array
 from .batch import stop_centres
 from .config import SafflowerConfig
-from .features import C
+from .features import Candidate
 from .process import Shears, dropped_share
 from .timing import Rates, standing_s
 
@@ -107,51 +108,48 @@ class Tables(NamedTuple):
 
 
 class Worlds(NamedTuple):
-    """State of B worlds with N heads, M reports and K slots; positions are (cart, u, v) metres as in ``PickerPlan``.
+    """State of the worlds, each array's first axis; positions are (cart, u, v) metres as in ``PickerPlan``."""
 
-    Attributes:
-        head_position: (B, N + 1, 3); head N stands for none.
-        head_stage: (B, N + 1).
-        head_mass_g: (B, N + 1), what is left on the head.
-        head_visited: (B, N + 1).
-        head_odds: (B, N + 1, 2), what a head's luck multiplies the odds of its cut and of its collection with.
-        track_target: (B, M + 1, 3); report M stands for none.
-        track_feature: (B, M + 1, F), what does not depend on where the arm is.
-        track_descent_s: (B, M + 1).
-        track_legal: (B, M + 1).
-        track_head: (B, M + 1).
-        first: (B, S + 1), first report of each stop.
-        slot_report: (B, K + 1), report in each slot; the last slot is the empty one that driving on points at.
-        cursor: (B,), next report of this stop that has no slot yet.
-        stop_end: (B,), end of this stop's reports.
-        remaining: (B,), reports of this stop that were not picked.
-        stop: (B,).
-        look_due: (B,), whether a camera has to report.
-        pose: (B, 3).
-        rise_s: (B,), seconds of the rise that the next decision begins with.
-        totals: (B, columns of ``Totals``).
-    """
-
-    head_position: Array
-    head_stage: NDArray[np.int64]
-    head_mass_g: Array
-    head_visited: NDArray[np.bool_]
-    head_odds: Array
-    track_target: Array
-    track_feature: NDArray[np.float32]
-    track_descent_s: Array
-    track_legal: NDArray[np.bool_]
-    track_head: NDArray[np.int64]
-    first: NDArray[np.int64]
-    slot_report: NDArray[np.int64]
-    cursor: NDArray[np.int64]
-    stop_end: NDArray[np.int64]
-    remaining: NDArray[np.int64]
-    stop: NDArray[np.int64]
-    look_due: NDArray[np.bool_]
-    pose: Array
-    rise_s: Array
-    totals: Array
+    head_position: Annotated[Array, shaped("heads", 3)]
+    """Places of heads; the last one stands for none."""
+    head_stage: Annotated[NDArray[np.int64], shaped("heads")]
+    """Index into ``STAGES``."""
+    head_mass_g: Annotated[Array, shaped("heads")]
+    """What is left on the head."""
+    head_visited: Annotated[NDArray[np.bool_], shaped("heads")]
+    """Whether the tool has been there."""
+    head_odds: Annotated[Array, shaped("heads", 2, empty=1)]
+    """What a head's luck multiplies the odds of its cut and of its collection with."""
+    track_target: Annotated[Array, shaped("tracks", 3)]
+    """Places of reports; the last one stands for none."""
+    track_feature: Annotated[NDArray[np.float32], shaped("tracks", Candidate)]
+    """What does not depend on where the arm is."""
+    track_descent_s: Annotated[Array, shaped("tracks")]
+    """Seconds down to it."""
+    track_legal: Annotated[NDArray[np.bool_], shaped("tracks")]
+    """Whether the tool reaches it."""
+    track_head: Annotated[NDArray[np.int64], shaped("tracks", empty="heads")]
+    """The head behind it, for scoring alone."""
+    first: Annotated[NDArray[np.int64], shaped("stops")]
+    """First report of each stop."""
+    slot_report: Annotated[NDArray[np.int64], shaped("slots", empty="tracks")]
+    """Report in each slot; the last slot is the empty one that driving on points at."""
+    cursor: Annotated[NDArray[np.int64], shaped()]
+    """Next report of this stop that has no slot yet."""
+    stop_end: Annotated[NDArray[np.int64], shaped()]
+    """End of this stop's reports."""
+    remaining: Annotated[NDArray[np.int64], shaped()]
+    """Reports of this stop that were not picked."""
+    stop: Annotated[NDArray[np.int64], shaped()]
+    """Number of the present one."""
+    look_due: Annotated[NDArray[np.bool_], shaped()]
+    """Whether a camera has to report."""
+    pose: Annotated[Array, shaped(3)]
+    """Where the machine stands."""
+    rise_s: Annotated[Array, shaped()]
+    """Seconds of the rise that the next decision begins with."""
+    totals: Annotated[Array, shaped(Totals)]
+    """See ``Totals``."""
 
 
 class PickerPlan(NamedTuple):
@@ -208,27 +206,7 @@ def stop_poses(config: SafflowerConfig) -> Array:
 
 def empty_worlds(config: SafflowerConfig, b: int) -> Worlds:
     """State of ``b`` worlds in which nothing grows."""
-    scenario, k = config.scenario, config.slots
-    heads, tracks = scenario.plants * scenario.max_heads, scenario.max_tracks
-    return Worlds(
-        head_position=np.zeros((b, heads + 1, 3)),
-        head_stage=np.zeros((b, heads + 1), np.int64),
-        head_mass_g=np.zeros((b, heads + 1)),
-        head_visited=np.zeros((b, heads + 1), bool),
-        head_odds=np.ones((b, heads + 1, 2)),
-        track_target=np.zeros((b, tracks + 1, 3)),
-        track_feature=np.zeros((b, tracks + 1, len(C)), np.float32),
-        track_descent_s=np.zeros((b, tracks + 1)),
-        track_legal=np.zeros((b, tracks + 1), bool),
-        track_head=np.full((b, tracks + 1), heads),
-        first=np.zeros((b, scenario.stops + 1), np.int64),
-        slot_report=np.full((b, k + 1), tracks),
-        cursor=np.zeros(b, np.int64),
-        stop_end=np.zeros(b, np.int64),
-        remaining=np.zeros(b, np.int64),
-        stop=np.zeros(b, np.int64),
-        look_due=np.zeros(b, bool),
-        pose=np.zeros((b, 3)),
-        rise_s=np.zeros(b),
-        totals=np.zeros((b, len(T))),
-    )
+    scenario = config.scenario
+    room_for = scenario.plants * scenario.max_heads, scenario.max_tracks, config.slots, scenario.stops
+    heads, tracks, slots, stops = (most + 1 for most in room_for)
+    return allocated(Worlds, b, heads=heads, tracks=tracks, slots=slots, stops=stops)

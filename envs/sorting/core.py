@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ..arrays import allocated
 from ..columns import names
 from ..core import Array, Rows, StepResult, TaskCore, observation_space, outside
 from ..field import ABSENT, Camera
@@ -59,7 +60,7 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         self._code = ABSENT if perception is None else int(Camera.of(perception).code[0])
         # Reports of nothing come on top; a real camera may report an item again.
         self._reports = n + len(self._camera.ghosts) if perception else 0
-        self.state = Worlds.room(worlds, n, self._reports or 2 * n, k)
+        self.state = allocated(Worlds, worlds, items=n + 1, reports=(self._reports or 2 * n) + 1, slots=k)
         # What lies on the belt, one row an item, see ``columns.Item``. The last item stands for none.
         self.items = np.full((worlds, n + 1, len(Item._fields)), np.inf)
         self.sensor_seed = np.zeros(worlds, np.int64)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import shaped
 from ..columns import names
 from ..core import Array
 from .columns import Candidate, Number, Rewards, Totals, Truth
@@ -81,75 +82,46 @@ class Tables(NamedTuple):
 
 
 class Worlds(NamedTuple):
-    """State of B worlds with N items, M reports and K slots.
+    """State of the worlds, each array's first axis."""
 
-    Attributes:
-        item_truth: (B, N + 1, ``Truth``); item N stands for none.
-        item_free: (B, N + 1), whether the item is still on the belt.
-        number: (B, M + 1, ``Number``); report M stands for none.
-        feature: (B, M + 1, ``Candidate``), what does not depend on the time or on where the platform is.
-        leave_s: (B, M + 1), when a report leaves the reach; minus infinity once it has been tried.
-        seen_s: (B, M + 1), when it arrives.
-        report_item: (B, M + 1).
-        report_grade: (B, M + 1).
-        report_held: (B, M + 1), whether the fingers hold what is there if the tool goes where the report says.
-        report_lost: (B, M + 1), whether it then slips on the way.
-        queue: (B, M + 1), reports in the order in which they leave.
-        queued: (B,), how many there are.
-        first: (B,), place in the queue of the first that has not left.
-        slot_report: (B, K), report in each slot.
-        end_s: (B,), when the last item has passed.
-        place: (B, 2), platform at the travel level.
-        turn: (B, 4), its quaternion.
-        level: (B,), whether that is none.
-        totals: (B, ``Totals``).
-    """
-
-    item_truth: Array
-    item_free: NDArray[np.bool_]
-    number: Array
-    feature: NDArray[np.float32]
-    leave_s: Array
-    seen_s: Array
-    report_item: NDArray[np.int64]
-    report_grade: NDArray[np.int64]
-    report_held: NDArray[np.bool_]
-    report_lost: NDArray[np.bool_]
-    queue: NDArray[np.int64]
-    queued: NDArray[np.int64]
-    first: NDArray[np.int64]
-    slot_report: NDArray[np.int64]
-    end_s: Array
-    place: Array
-    turn: Array
-    level: NDArray[np.bool_]
-    totals: Array
-
-    @classmethod
-    def room(cls, worlds: int, items: int, reports: int, slots: int) -> Worlds:
-        """Room for so many items, reports and slots a world."""
-        b, n, m = worlds, items + 1, reports + 1
-        return cls(
-            item_truth=np.zeros((b, n, len(Truth._fields))),
-            item_free=np.zeros((b, n), bool),
-            number=np.zeros((b, m, len(Number._fields))),
-            feature=np.zeros((b, m, len(Candidate._fields)), np.float32),
-            leave_s=np.full((b, m), np.inf),
-            seen_s=np.full((b, m), np.inf),
-            report_item=np.full((b, m), items),
-            report_grade=np.zeros((b, m), np.int64),
-            report_held=np.zeros((b, m), bool),
-            report_lost=np.zeros((b, m), bool),
-            queue=np.full((b, m), reports),
-            queued=np.zeros(b, np.int64),
-            first=np.zeros(b, np.int64),
-            slot_report=np.full((b, slots), reports),
-            end_s=np.zeros(b),
-            place=np.zeros((b, 2)),
-            turn=np.zeros((b, 4)),
-            level=np.ones(b, bool),
-            totals=np.zeros((b, len(Totals._fields))),
-        )
+    item_truth: Annotated[Array, shaped("items", Truth)]
+    """What is true of items; the last one stands for none."""
+    item_free: Annotated[NDArray[np.bool_], shaped("items")]
+    """Whether the item is still on the belt."""
+    number: Annotated[Array, shaped("reports", Number)]
+    """Numbers of reports; the last one stands for none."""
+    feature: Annotated[NDArray[np.float32], shaped("reports", Candidate)]
+    """What does not depend on the time or on where the platform is."""
+    leave_s: Annotated[Array, shaped("reports", empty=np.inf)]
+    """When a report leaves the reach; minus infinity once it has been tried."""
+    seen_s: Annotated[Array, shaped("reports", empty=np.inf)]
+    """When it arrives."""
+    report_item: Annotated[NDArray[np.int64], shaped("reports", empty="items")]
+    """The item behind a report, for scoring alone."""
+    report_grade: Annotated[NDArray[np.int64], shaped("reports")]
+    """The grade that it reports."""
+    report_held: Annotated[NDArray[np.bool_], shaped("reports")]
+    """Whether the fingers hold what is there if the tool goes where the report says."""
+    report_lost: Annotated[NDArray[np.bool_], shaped("reports")]
+    """Whether it then slips on the way."""
+    queue: Annotated[NDArray[np.int64], shaped("reports", empty="reports")]
+    """Reports in the order in which they leave."""
+    queued: Annotated[NDArray[np.int64], shaped()]
+    """How many there are."""
+    first: Annotated[NDArray[np.int64], shaped()]
+    """Place in the queue of the first that has not left."""
+    slot_report: Annotated[NDArray[np.int64], shaped("slots", empty="reports")]
+    """Report in each slot."""
+    end_s: Annotated[Array, shaped()]
+    """When the last item has passed."""
+    place: Annotated[Array, shaped(2)]
+    """Platform at the travel level."""
+    turn: Annotated[Array, shaped(4)]
+    """Its quaternion."""
+    level: Annotated[NDArray[np.bool_], shaped(empty=1)]
+    """Whether that is none."""
+    totals: Annotated[Array, shaped(Totals)]
+    """See ``Totals``."""
 
 
 class SorterPlan(NamedTuple):

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import allocated, shaped
 from ..columns import Says, names, numbered
 from ..core import COMMON_SCORES, Array
 from .config import STAGES, FieldTask
@@ -140,53 +141,50 @@ class Tables(NamedTuple):
 
 
 class Worlds(NamedTuple):
-    """State of B worlds with N places for plants, T for tracks and K slots; places are metres along and across.
+    """State of the worlds, each array's first axis; places are metres along and across."""
 
-    Attributes:
-        plant: (B, N, 2), weeds sorted along with empty places before and after them, then the crop plants in order.
-        plant_kind: (B, N), stage of a weed, 3 for a crop plant.
-        plant_tolerance: (B, N), dose that kills; infinite where nothing grows.
-        plant_dose: (B, N), dose so far.
-        weeds: (B,), true weeds of the strip.
-        crops_in_strip: (B,).
-        track_report: (B, T + 1, 2), where the machine believes a plant when it aims; track T stands for none.
-        track_aim: (B, T + 1, 2), where the tool is set after its correction.
-        track_known_m: (B, T + 1), cart position from which on a track is known, not counting the delay; ascending.
-        track_near: (B, T + 1, 2), see ``Near``.
-        track_real: (B, T + 1), whether a weed is behind it; for scoring alone.
-        track_feature: (B, T + 1, F), what does not depend on where the machine is.
-        track_count: (B,).
-        slot_track: (B, K), track in each slot.
-        cursor: (B,), next track that has not been in a slot.
-        cart: (B,), metres along the row.
-        speed: (B,), m/s.
-        set_speed: (B,), the commanded one.
-        place: (B, 3), where the arm stands; see ``timing.Coordinates``.
-        totals: (B, .), see ``Totals``.
-        phases_s: (B, phases), seconds so far.
-    """
-
-    plant: Array
-    plant_kind: NDArray[np.int64]
-    plant_tolerance: Array
-    plant_dose: Array
-    weeds: Array
-    crops_in_strip: Array
-    track_report: Array
-    track_aim: Array
-    track_known_m: Array
-    track_near: NDArray[np.int64]
-    track_real: NDArray[np.bool_]
-    track_feature: NDArray[np.float32]
-    track_count: NDArray[np.int64]
-    slot_track: NDArray[np.int64]
-    cursor: NDArray[np.int64]
-    cart: Array
-    speed: Array
-    set_speed: Array
-    place: Array
-    totals: Array
-    phases_s: Array
+    plant: Annotated[Array, shaped("plants", 2, empty=FAR_M)]
+    """Weeds sorted along with empty places before and after them, then the crop plants in order."""
+    plant_kind: Annotated[NDArray[np.int64], shaped("plants")]
+    """Stage of a weed, 3 for a crop plant."""
+    plant_tolerance: Annotated[Array, shaped("plants", empty=np.inf)]
+    """Dose that kills; infinite where nothing grows."""
+    plant_dose: Annotated[Array, shaped("plants")]
+    """Dose so far."""
+    weeds: Annotated[Array, shaped()]
+    """True weeds of the strip."""
+    crops_in_strip: Annotated[Array, shaped()]
+    """Crop plants of the strip."""
+    track_report: Annotated[Array, shaped("tracks", 2, empty=FAR_M)]
+    """Where the machine believes a plant when it aims; the last track stands for none."""
+    track_aim: Annotated[Array, shaped("tracks", 2, empty=FAR_M)]
+    """Where the tool is set after its correction."""
+    track_known_m: Annotated[Array, shaped("tracks")]
+    """Cart position from which on a track is known, not counting the delay; ascending."""
+    track_near: Annotated[NDArray[np.int64], shaped("tracks", Near, empty=1)]
+    """See ``Near``."""
+    track_real: Annotated[NDArray[np.bool_], shaped("tracks")]
+    """Whether a weed is behind it; for scoring alone."""
+    track_feature: Annotated[NDArray[np.float32], shaped("tracks", Candidate)]
+    """What does not depend on where the machine is."""
+    track_count: Annotated[NDArray[np.int64], shaped()]
+    """Tracks known to the rules, those to come included."""
+    slot_track: Annotated[NDArray[np.int64], shaped("slots", empty="tracks")]
+    """Track in each slot."""
+    cursor: Annotated[NDArray[np.int64], shaped()]
+    """Next track that has not been in a slot."""
+    cart: Annotated[Array, shaped()]
+    """Its place, metres along the row."""
+    speed: Annotated[Array, shaped(empty=1)]
+    """Of the cart, m/s."""
+    set_speed: Annotated[Array, shaped(empty=1)]
+    """The commanded speed."""
+    place: Annotated[Array, shaped(Coordinates)]
+    """Where the arm stands; see ``timing.Coordinates``."""
+    totals: Annotated[Array, shaped(Totals)]
+    """See ``Totals``."""
+    phases_s: Annotated[Array, shaped("phases")]
+    """Seconds so far."""
 
 
 class WeederPlan(NamedTuple):
@@ -242,31 +240,8 @@ def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: flo
 
 def empty_worlds(config: FieldTask, phases: int, tracks: int, worlds: int) -> Worlds:
     """State of worlds that hold nothing yet, with room for ``tracks`` tracks and sums of ``phases`` phases."""
-    scenario, b = config.scenario, worlds
-    weeds_end = scenario.max_weeds + 2 * PAD
-    plants = weeds_end + scenario.crops
-    state = Worlds(
-        plant=np.full((b, plants, 2), FAR_M),
-        plant_kind=np.zeros((b, plants), np.int64),
-        plant_tolerance=np.full((b, plants), np.inf),
-        plant_dose=np.zeros((b, plants)),
-        weeds=np.zeros(b),
-        crops_in_strip=np.zeros(b),
-        track_report=np.full((b, tracks + 1, 2), FAR_M),
-        track_aim=np.full((b, tracks + 1, 2), FAR_M),
-        track_known_m=np.zeros((b, tracks + 1)),
-        track_near=np.ones((b, tracks + 1, len(Near._fields)), np.int64),
-        track_real=np.zeros((b, tracks + 1), bool),
-        track_feature=np.zeros((b, tracks + 1, len(Candidate._fields)), np.float32),
-        track_count=np.zeros(b, np.int64),
-        slot_track=np.full((b, config.slots), tracks),
-        cursor=np.zeros(b, np.int64),
-        cart=np.zeros(b),
-        speed=np.ones(b),
-        set_speed=np.ones(b),
-        place=np.zeros((b, len(Coordinates._fields))),
-        totals=np.zeros((b, len(Totals._fields))),
-        phases_s=np.zeros((b, phases)),
-    )
+    weeds_end = config.scenario.max_weeds + 2 * PAD
+    plants = weeds_end + config.scenario.crops
+    state = allocated(Worlds, worlds, plants=plants, tracks=tracks + 1, slots=config.slots, phases=phases)
     state.plant_kind[:, weeds_end:] = CROP_KIND
     return state
