@@ -15,6 +15,7 @@ from ...envs.weeding.tools.hoe.process import HoeProcess, crop_loss
 from ...envs.weeding.tools.laser.aim import LaserArm
 from ...envs.weeding.tools.laser.config import WeedingConfig
 from ...envs.weeding.tools.laser.process import LaserProcess
+from ...kernels.elementary import exp
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ def _laser(config: WeedingConfig) -> Outlook:
 
     def harm(gap_m: Array) -> Array:
         width = numbers.spot_radius_m**2 + numbers.crop_heart_m**2
-        arrives = process.energy_j * np.exp(-2.0 * gap_m * gap_m / width)[..., None]
+        arrives = process.energy_j * exp(-2.0 * gap_m * gap_m / width)[..., None]
         return numbers.response.crop_chance(arrives)
 
     return Outlook(

@@ -83,7 +83,8 @@ def lay_item(tables: Tables, item: Array, truth: Array) -> None:
     w, x, y, z = turned(item[ITEM.tilt_rad], item[ITEM.azimuth_rad], item[ITEM.yaw_rad])
     truth[TRUTH.long_x], truth[TRUTH.long_y], truth[TRUTH.long_z] = x_axis(w, x, y, z)
     truth[TRUTH.short_x], truth[TRUTH.short_y], truth[TRUTH.short_z] = z_axis(w, x, y, z)
-    truth[TRUTH.narrow], truth[TRUTH.flat] = (1.0 - item[ITEM.width]) ** 2, (1.0 - item[ITEM.thickness]) ** 2
+    narrow, flat = 1.0 - item[ITEM.width], 1.0 - item[ITEM.thickness]
+    truth[TRUTH.narrow], truth[TRUTH.flat] = narrow * narrow, flat * flat
     truth[TRUTH.grip_luck], truth[TRUTH.way_luck] = item[ITEM.grip_luck], item[ITEM.way_luck]
     truth[TRUTH.grade] = item[ITEM.grade]
 
@@ -188,8 +189,9 @@ def prepare(tables: Tables, report: Array, number: Array, feature: Array) -> Non
     number[NUMBER.carry_s] = max(stroke_s(aside, paces.pace, paces.square_pace), least)
     number[NUMBER.height_m], number[NUMBER.descend_s] = z, down
 
-    misfit = ((1.0 - report[REPORT.width]) * math.sin(yaw_seen - yaw)) ** 2
-    misfit += ((1.0 - report[REPORT.thickness]) * math.sin(tilt_seen - tilt)) ** 2
+    narrow = (1.0 - report[REPORT.width]) * math.sin(yaw_seen - yaw)
+    flat = (1.0 - report[REPORT.thickness]) * math.sin(tilt_seen - tilt)
+    misfit = narrow * narrow + flat * flat
     quality = grip_quality(tables.fingers, 0.0, 0.0, 0.0, misfit)
     feature[CANDIDATE.present] = 1.0
     feature[CANDIDATE.across] = shown(y / PLACE_SCALE_M)

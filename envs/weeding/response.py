@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...kernels.elementary import power
 from ..core import Array
 from .config import SPECIES, STAGES
 
@@ -42,19 +43,19 @@ class Response(NamedTuple):
 
     def chance(self, dose: ArrayLike, species: ArrayLike, stage: ArrayLike) -> Array:
         """Probability that a dose kills a weed; shapes broadcast."""
-        return 1.0 / (1.0 + (self.half_of(species, stage) / np.maximum(dose, 1e-9)) ** self.slope)
+        return 1.0 / (1.0 + power(self.half_of(species, stage) / np.maximum(dose, 1e-9), self.slope))
 
     def crop_chance(self, dose: ArrayLike) -> Array:
         """Probability that a dose kills a crop plant."""
-        return 1.0 / (1.0 + (self.crop_half / np.maximum(dose, 1e-9)) ** self.crop_slope)
+        return 1.0 / (1.0 + power(self.crop_half / np.maximum(dose, 1e-9), self.crop_slope))
 
     def tolerance(self, species: NDArray[np.int64], stage: NDArray[np.int64], luck: Array) -> Array:
         """Dose (...) that kills each weed: the logistic's quantile, ``luck`` uniform in (0, 1)."""
-        return self.half_of(species, stage) * (luck / (1.0 - luck)) ** (1.0 / self.slope)
+        return self.half_of(species, stage) * power(luck / (1.0 - luck), 1.0 / self.slope)
 
     def crop_tolerance(self, luck: Array) -> Array:
         """Dose (...) that kills each crop plant."""
-        return self.crop_half * (luck / (1.0 - luck)) ** (1.0 / self.crop_slope)
+        return self.crop_half * power(luck / (1.0 - luck), 1.0 / self.crop_slope)
 
     def chances(self) -> Array:
         """Expected probability (species, stage, mode) of a kill."""
