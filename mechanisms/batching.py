@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,10 +22,50 @@ def as_points(values: ArrayLike, width: int, name: str) -> Array:
     Raises:
         ValueError: the last axis has another length; the message names the argument and its shape.
     """
-    array = np.asarray(values, dtype=np.float64)
+    array = np.asarray(values, np.float64)
     if array.ndim == 0 or array.shape[-1] != width:
         raise ValueError(f"{name} has shape {array.shape}: expected (..., {width})")
     return array
+
+
+class Solver(NamedTuple):
+    """Machine code that fills its last argument with joint values, from poses and a machine's numbers."""
+
+    one: Callable[[Array, Array, Array], None]
+    """Of one pose (width,)."""
+    many: Callable[[Array, Array, Array], None]
+    """Of poses (n, width); bit for bit what ``one`` says of each."""
+
+
+@cache
+def _solver(module: str) -> Solver:
+    """Numba loads with the first pose, not with a geometry."""
+    kernels = import_module(f".{module}", __package__)
+    return Solver(kernels.inverse_of_one, kernels.inverse_of_many)
+
+
+def solve_rows(module: str, numbers: Array, values: ArrayLike, width: int, name: str) -> Array:
+    """Joint values (..., width) of poses (..., width): as many joints as a pose has numbers.
+
+    Args:
+        module: of this room, with ``inverse_of_one`` and ``inverse_of_many``.
+        numbers: what it is told of the machine.
+        values: poses; what is strided or locked is copied, for machine code is made for one kind of array.
+        width: numbers a pose.
+        name: of the argument, for the message.
+
+    Raises:
+        ValueError: as ``as_points``.
+    """
+    points = np.asarray(values, np.float64)
+    if points.shape == (width,) and points.flags.carray:
+        result = np.empty(width)
+        _solver(module).one(points, numbers, result)
+        return result
+    rows = as_points(points, width, name).reshape(-1, width)
+    result = np.empty(rows.shape)
+    _solver(module).many(rows if rows.flags.carray else rows.copy(), numbers, result)
+    return result.reshape(points.shape)
 
 
 def in_chunks(kernel: Callable[[Array, Array], None], values: Array, width_out: int) -> Array:

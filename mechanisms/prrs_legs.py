@@ -114,52 +114,6 @@ def leg_frame(link: Array) -> LegFrame:
     return LegFrame(p, q, s, s * s + q * q)
 
 
-def inverse_kernel(pose: Array, joints: Array, link_m: float, base_radius_m: float, platform_radius_m: float) -> None:
-    """Sliders and driven angles (6, n) of poses (6, n); leg by leg, so that a piece stays in the cache."""
-    sine, cosine = sines_and_cosines(pose[3:])
-    sa, sb, sg = sine
-    ca, cb, cg = cosine
-    half = 0.5 * platform_radius_m
-    wide = _HALF_ROOT_THREE * platform_radius_m
-    cx, cy = cg * cb, sg * cb
-    turned = sb * sa
-    yx, yy = cg * turned, sg * turned
-    yx -= sg * ca
-    yy += cg * ca
-    yx *= wide
-    yy *= wide
-    yz = cb * sa
-    yz *= wide
-    for leg in range(3):
-        along = platform_radius_m if leg == 0 else -half
-        dx, dy, height = cx * along, cy * along, sb * -along
-        dx += pose[0]
-        dy += pose[1]
-        height += pose[2]
-        if leg == 1:
-            dx += yx
-            dy += yy
-            height += yz
-        elif leg == 2:
-            dx -= yx
-            dy -= yy
-            height -= yz
-        dx -= base_radius_m * RADIAL[0, leg]
-        if leg:
-            dy -= base_radius_m * RADIAL[1, leg]
-        s = np.square(dx, out=joints[leg + 3])
-        np.subtract(link_m * link_m, s, out=s)
-        s -= dy * dy
-        np.sqrt(s, out=s)
-        np.add(height, s, out=joints[leg])
-        dy *= TANGENTIAL[1, leg]
-        if leg:
-            dx *= TANGENTIAL[0, leg]
-            dy += dx
-        np.divide(dy, s, out=s)
-        np.arctan(s, out=s)
-
-
 def free_directions(frame: LegFrame, link_m: float) -> Array:
     """Unit directions (3, 3, n) in which a_i can still move while all six joints are locked (rotation about R2)."""
     m = np.sqrt(frame.m_square)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .batching import Array, as_points, in_chunks
+from .batching import Array, as_points, in_chunks, solve_rows
 from .errors import positive_length, raise_beyond_limits
 from .five_bar import Conditioning
 from .linear import apply, singular_values, solve_where_regular
@@ -18,7 +19,6 @@ from .prrs_legs import (
     TANGENTIAL,
     Legs,
     ThreePRRSChains,
-    inverse_kernel,
     leg_frame,
     pose_legs,
     write_margins,
@@ -107,6 +107,12 @@ class ThreePRRS:
         """
         return cls(0.345, 0.160, 0.160, (0.200, 0.445), np.deg2rad(55.0), 0.030, 0.25)
 
+    @cached_property
+    def _numbers(self) -> Array:
+        """What the legs' joints depend on, (3, 6): see ``prrs_kernels``."""
+        sizes = np.array([self.platform_radius_m, self.platform_radius_m, 0.5 * self.base_diameter_m, self.link_m])
+        return np.concatenate([RADIAL[:2], RADIAL[:2], np.ones((2, 3))]).T * np.concatenate([[1.0, 1.0], sizes])
+
     def inverse(self, pose: ArrayLike, *, strict: bool = False) -> Array:
         """Sliders and driven angles of poses (paper eqs 5 and 6, the root with the slider above).
 
@@ -120,14 +126,9 @@ class ThreePRRS:
         Raises:
             UnreachablePoseError: only with ``strict``; names the limit.
         """
-        poses = as_points(pose, 6, "pose")
-
-        def kernel(columns: Array, joints: Array) -> None:
-            inverse_kernel(columns, joints, self.link_m, 0.5 * self.base_diameter_m, self.platform_radius_m)
-
-        joints = in_chunks(kernel, poses, 6)
+        joints = solve_rows("prrs_kernels", self._numbers, pose, 6, "pose")
         if strict:
-            raise_beyond_limits(type(self).__name__, poses, self.margins(poses))
+            raise_beyond_limits(type(self).__name__, as_points(pose, 6, "pose"), self.margins(pose))
         return joints
 
     def forward(self, joints: ArrayLike, seed_pose: ArrayLike | None = None) -> ForwardResult:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import three_ups_rpu_geometry as geometry
-from .batching import Array, as_points, in_chunks
+from .batching import Array, as_points, solve_rows
 from .errors import positive_length, raise_beyond_limits
 from .five_bar import Conditioning
 from .linear import angle_of, apply, dot, singular_values, solve_regular
@@ -139,6 +139,13 @@ class ThreeUPSRPU:
         platform = geometry.ring(self.platform_radius_m, self.platform_angles_rad)
         return Attachments(base, platform, self.paper_orientation)
 
+    @cached_property
+    def _numbers(self) -> Array:
+        """What the legs' lengths depend on, (4, 6): see ``three_ups_rpu_kernels``."""
+        at = self.attachments
+        paper = np.full(4, float(self.paper_orientation))
+        return np.column_stack([at.base[:, :2], at.platform[:, :2], at.platform[:, 0] + at.radius_m, paper])
+
     def inverse(self, pose: ArrayLike, *, strict: bool = False) -> Array:
         """Leg lengths for poses (eq. 4 with the orientation that the RPU leg has).
 
@@ -155,10 +162,9 @@ class ThreeUPSRPU:
         Raises:
             UnreachablePoseError: only with ``strict``; names the limit.
         """
-        poses = as_points(pose, 4, "pose")
         if strict:
-            raise_beyond_limits(type(self).__name__, poses, self.margins(poses))
-        return in_chunks(partial(geometry.leg_lengths_kernel, self.attachments), poses, 4)
+            raise_beyond_limits(type(self).__name__, as_points(pose, 4, "pose"), self.margins(pose))
+        return solve_rows("three_ups_rpu_kernels", self._numbers, pose, 4, "pose")
 
     def forward(self, lengths: ArrayLike, seed_pose: ArrayLike) -> ForwardResult:
         """Pose for leg lengths, in the assembly mode of a seed pose (Newton's method along a continuation).

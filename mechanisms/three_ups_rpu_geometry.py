@@ -59,38 +59,6 @@ def ring(radius: float, azimuths: tuple[float, ...]) -> Array:
     return joints
 
 
-def leg_lengths_kernel(at: Attachments, pose: Array, legs: Array) -> None:
-    """Fill lengths (4, n) for poses (4, n): squared distances B_i - A_i written out, then one square root a leg."""
-    x, z, alpha, beta = pose
-    sa, ca, sb, cb = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
-    across = sa * sb
-    tilted = ca * sb if at.paper_orientation else sa * cb
-    work, term = np.empty_like(x), np.empty_like(x)
-    for length, (ax, ay, _), (bx, by, _) in zip(legs, at.base, at.platform, strict=True):
-        np.multiply(cb, bx, out=length)
-        length += x
-        length -= ax
-        if at.paper_orientation:
-            np.multiply(across, bx + at.radius_m, out=work)
-            np.multiply(ca, by, out=term)
-            work += term
-        else:
-            np.multiply(across, by, out=term)
-            length += term
-            np.multiply(ca, by, out=work)
-        work -= ay
-        work *= work
-        length *= length
-        length += work
-        np.multiply(sa if at.paper_orientation else tilted, by, out=work)
-        np.multiply(tilted if at.paper_orientation else sb, bx, out=term)
-        work -= term
-        work += z
-        work *= work
-        length += work
-        np.sqrt(length, out=length)
-
-
 def pose_chains(at: Attachments, poses: Array) -> ThreeUPSRPUChains:
     """Joint positions, leg lengths and directions at poses (..., 4)."""
     sa, ca, sb, cb = sines(poses)

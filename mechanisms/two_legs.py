@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .batching import Array, as_points, in_chunks
+from .batching import Array, as_points, solve_rows
 from .errors import raise_beyond_limits
 from .geometry import segment_distance
 from .linear import apply, dot
 from .workspace import Method, PlanarWorkspace, planar_workspace
 
-_HANGING = -0.5 * np.pi
 _UPRIGHT_BAND = 0.02
 
 
@@ -90,14 +90,13 @@ class TwoLegs:
             if not 0.0 <= getattr(self, name) < np.pi / 2:
                 raise ValueError(f"{name} = {getattr(self, name)} rad: give a number in [0, pi/2)")
         low, high = self.arm_range_rad
-        if not 3.0 * _HANGING < low < high < np.pi / 2:
+        if not -1.5 * np.pi < low < high < np.pi / 2:
             raise ValueError(f"arm_range_rad = {self.arm_range_rad}: give -3/2 pi < lower < upper < pi/2")
 
     def inverse(self, position: ArrayLike, *, strict: bool = False) -> Array:
         """Joint angles for tool positions.
 
-        Written as the half-angle root of the loop equation about the hanging direction: one square root and one
-        arctangent a leg, no iteration.
+        One square root, one quotient and one arctangent a leg, no iteration; machine code, see ``two_legs_kernels``.
 
         Args:
             position: (..., 2), metres.
@@ -109,10 +108,9 @@ class TwoLegs:
         Raises:
             UnreachablePoseError: only with ``strict``; names the limit.
         """
-        points = as_points(position, 2, "position")
-        joints = in_chunks(self._inverse_kernel, points, 2)
+        joints = solve_rows("two_legs_kernels", self._numbers, position, 2, "position")
         if strict:
-            raise_beyond_limits(type(self).__name__, points, self.margins(points))
+            raise_beyond_limits(type(self).__name__, as_points(position, 2, "position"), self.margins(position))
         return joints
 
     def forward(self, joints: ArrayLike) -> Array:
@@ -236,33 +234,15 @@ class TwoLegs:
         upper = (max(motors) + reach, reach - self._drop_m)
         return planar_workspace(self.reachable, lower, upper, method, samples, seed)
 
-    def _inverse_kernel(self, position: Array, joints: Array) -> None:
-        """Half-angle root of the loop closure: with phi = q + pi/2 and t = tan(phi/2), one quadratic in t a leg."""
-        y = position[1] + self._drop_m
-        y_square = y * y
-        highest = y.max() if y.size else -np.inf
-        for index, leg in enumerate(self._legs):
-            arm, forearm = leg.arm_m, leg.forearm_m
-            x = position[0] + (leg.wrist_x_m - leg.motor_x_m)
-            square = x * x
-            square += y_square
-            reach = square * (0.5 / arm)
-            reach += (arm * arm - forearm * forearm) * (0.5 / arm)
-            np.multiply(reach, reach, out=joints[index])
-            square -= joints[index]
-            np.sqrt(square, out=square)
-            if leg.side < 0.0:
-                np.negative(square, out=square)
-            # Only a wrist above this level has a closure with an upright arm, where the quotient below turns to 0/0.
-            level = arm - forearm - _UPRIGHT_BAND * arm
-            mended = () if highest < level else _high_wrists(x, y, reach, square, leg.side, level)
-            square -= x
-            np.divide(square, np.subtract(y, reach, out=reach), out=square)
-            for rows, tangents in mended:
-                square[rows] = tangents
-            np.arctan(square, out=square)
-            np.multiply(square, 2.0, out=joints[index])
-            joints[index] += _HANGING
+    @cached_property
+    def _numbers(self) -> Array:
+        """What the legs' angles depend on, (2, 6): see ``two_legs_kernels``."""
+        rows = []
+        for leg in self._legs:
+            scale, level = 0.5 / leg.arm_m, leg.arm_m - leg.forearm_m - _UPRIGHT_BAND * leg.arm_m
+            lead = (leg.arm_m * leg.arm_m - leg.forearm_m * leg.forearm_m) * scale
+            rows.append((leg.wrist_x_m - leg.motor_x_m, self._drop_m, scale, lead, leg.side, level))
+        return np.array(rows)
 
     def _elbows(self, angles: Array) -> Array:
         """Elbow positions (..., 2 legs, 2)."""
@@ -272,7 +252,7 @@ class TwoLegs:
 
     def _pose(self, position: ArrayLike) -> LegPose:
         tool = as_points(position, 2, "position")
-        angles = in_chunks(self._inverse_kernel, tool, 2)
+        angles = solve_rows("two_legs_kernels", self._numbers, tool, 2, "position")
         elbow = self._elbows(angles)
         wrist = tool[..., None, :] + np.array([[leg.wrist_x_m, self._drop_m] for leg in self._legs])
         forearm = np.arctan2(wrist[..., 1] - elbow[..., 1], wrist[..., 0] - elbow[..., 0])
@@ -323,19 +303,3 @@ def solve_pair(matrix: Array, vector: Array) -> Array:
     y = matrix[..., 0, 0] * vector[..., 1] - matrix[..., 1, 0] * vector[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.stack([x, y], axis=-1) / determinant[..., None]
-
-
-def _high_wrists(
-    x: Array, y: Array, reach: Array, root: Array, side: float, level: float
-) -> tuple[tuple[np.ndarray, Array | float], ...]:
-    """Rows of wrists above ``level`` with the tangents of half the arms' angles from hanging there.
-
-    Of the two closures the quotient (root - x) / (y - reach) turns to 0/0 for the wanted one where the other one's arm
-    is upright; multiplied out it reads (y + reach) / (root + x), which is sound there. Both vanish only where arm and
-    forearm lie on the vertical with the arm upright.
-    """
-    high = np.flatnonzero(~(y < level))
-    x, y, reach, root = x[high], y[high], reach[high], root[high]
-    upright = (root == x) & (y == reach)
-    turned = side * x > 0.0
-    return (high[upright], np.inf), (high[turned], (y + reach)[turned] / (root + x)[turned])
