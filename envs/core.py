@@ -207,6 +207,9 @@ def observation_space(core: TaskCore[Any, Any], slots: int, actions: int, limit:
 class Executor(Protocol[PlanIn, OutcomeOut]):
     """Carries a plan out and says what happened."""
 
+    fault: str
+    """Why the last decision's motion failed, empty where it did not."""
+
     def reset_rows(self, rows: Rows) -> None:
         """Put the machines of ``rows`` where the rules say they stand."""
         ...
@@ -222,6 +225,8 @@ class Executor(Protocol[PlanIn, OutcomeOut]):
 
 class NominalExecutor(Generic[PlanT, OutcomeT]):
     """The analytic backend: what is planned happens, exactly and at once."""
+
+    fault = ""
 
     def __init__(self, core: TaskCore[PlanT, OutcomeT]):
         """Take the rules whose plans are carried out."""

@@ -370,6 +370,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             "rewards": dict(zip(core.reward_names, rewards, strict=True)),
             "phases_s": dict(zip(core.phase_names, phases_s, strict=True)),
             "scorecard": dict(zip(core.score_names, core.scores()[0].tolist(), strict=True)),
+            "fault": self.executor.fault,
         }
 
     def _checked(self, action: Any) -> int:

@@ -10,6 +10,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .assets import asset_path
 from .client import PhysicsClient
 from .closed_loop import ClosedLoopMachine
@@ -18,6 +21,10 @@ MachineT = TypeVar("MachineT", bound="LoopMachine")
 
 START_TOLERANCE_M = 0.003
 """How far a commanded trajectory may start from where the machine stands; a jump could flip a closed loop over."""
+
+
+class LostMachineError(ValueError):
+    """A motion was to begin where the machine does not stand."""
 
 
 class LoopMachine:
@@ -70,6 +77,10 @@ class LoopMachine:
         """Close."""
         self.close()
 
+    def motors_at(self, saturated: NDArray[np.bool_]) -> list[str]:
+        """Names of the motors that are at their limits, from a report's ``saturated``."""
+        return [motor.joint for motor, weak in zip(self._machine.motors, saturated.tolist(), strict=True) if weak]
+
     def _remove(self) -> None:
         """Take everything out of a world that was lent."""
         self._machine.remove()
@@ -83,9 +94,9 @@ class LoopMachine:
             )
 
     def _require_start(self, jump_m: float) -> None:
-        """Raise a ValueError where a trajectory starts too far from where the machine stands."""
+        """Raise a LostMachineError where a trajectory starts too far from where the machine stands."""
         if jump_m > START_TOLERANCE_M:
-            raise ValueError(
+            raise LostMachineError(
                 f"the trajectory starts {1e3 * jump_m:.1f} mm from where the machine stands; at most "
                 f"{1e3 * START_TOLERANCE_M:.0f} mm is allowed: start at the last commanded pose, call reset(), or give "
                 "stronger motors if the last motion's report says that they were saturated"

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .closed_loop import ClosedLoopMachine
+from .machine import START_TOLERANCE_M
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ class Maxima:
 
 
 class Rest(NamedTuple):
-    """When a motion is over: the tool is near to where it was sent, or has had its time.
+    """When a motion is over: the tool is near to where it was sent, has had its time, or is lost.
 
     Attributes:
         tolerance_m: this near.
@@ -75,7 +76,7 @@ class Rest(NamedTuple):
         return round(self.wait_s / step_s) + 1
 
     def wait(self, report: ResultT, moved_s: float, end_s: float, hold: Callable[[], ResultT]) -> tuple[ResultT, float]:
-        """Hold still until the motion is over.
+        """Hold still until the motion is over; a tool that is too far off to be led on is left where it is.
 
         Args:
             report: of the motion.
@@ -86,7 +87,7 @@ class Rest(NamedTuple):
         Returns:
             The last report and the seconds since the motion began.
         """
-        while report.final_error_m > self.tolerance_m and moved_s < end_s + self.limit_s:
+        while self.tolerance_m < report.final_error_m <= START_TOLERANCE_M and moved_s < end_s + self.limit_s:
             report = hold()
             moved_s += report.duration_s
         return report, moved_s

@@ -18,7 +18,7 @@ from ..motion.orientation import angle_between, from_euler
 from .assets import asset_path
 from .client import PhysicsClient, pybullet
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
-from .machine import START_TOLERANCE_M, LoopMachine
+from .machine import START_TOLERANCE_M, LoopMachine, LostMachineError
 from .motion_result import Maxima, MotionResult
 from .prrs_model import PrrsParameters
 from .sorter_limits import first_violation
@@ -140,7 +140,7 @@ class PrrsMachine(LoopMachine):
         position, quaternion = self.platform()
         jump, turn = np.linalg.norm(position - poses[0, :3]), angle_between(quaternion, quaternions[0])
         if jump > START_TOLERANCE_M or turn > START_TOLERANCE_RAD:
-            raise ValueError(
+            raise LostMachineError(
                 f"the motion starts {1e3 * jump:.1f} mm and {np.degrees(turn):.1f} deg from where the platform stands: "
                 "start at the last commanded pose, call reset(), or give stronger motors if the last motion's report "
                 "says that they were saturated"

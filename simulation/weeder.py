@@ -26,6 +26,7 @@ class WeederResult:
 
     Attributes:
         duration_s: simulated time.
+        final_error_m: distance of the platform's centre from its command at the end.
         closure_error_m: largest gap in a closed loop, of the steps that were looked at.
         peak_effort: largest force (5,) of the motors, N, of the steps that were looked at.
         saturated: which motors were at their limits, (5,) bool.
@@ -33,6 +34,7 @@ class WeederResult:
     """
 
     duration_s: float
+    final_error_m: float
     closure_error_m: float
     peak_effort: Array
     saturated: NDArray[np.bool_]
@@ -108,9 +110,8 @@ class WeederMachine(LoopMachine):
             raise ValueError(f"cart has shape {carts.shape} and pose {poses.shape}: expected (n,) and (n, 4), n >= 1")
         lengths = self.parameters.mechanism.inverse(poses)
         targets = np.concatenate([carts[:, None], lengths], axis=1)
-        wanted = np.array([carts[0] + poses[0, 0], 0.0, self.parameters.base_height_m - poses[0, 1]])
         self._require_rate()
-        self._require_start(float(np.linalg.norm(self.platform_world() - wanted)))
+        self._require_start(self._astray_m(carts[0], poses[0]))
         last = len(carts) - 1
         rows = np.zeros(len(carts), bool) if look is None else np.asarray(look, bool).copy()
         rows[last] = True
@@ -127,7 +128,13 @@ class WeederMachine(LoopMachine):
                 on_step(row)
 
         self._machine.follow(targets, watch)
-        return WeederResult(last * self.client.step_s, closure, peak, self._machine.saturated(peak), beam)
+        astray_m = self._astray_m(carts[last], poses[last])
+        return WeederResult(last * self.client.step_s, astray_m, closure, peak, self._machine.saturated(peak), beam)
+
+    def _astray_m(self, cart_x_m: float, pose: Array) -> float:
+        """Distance of the platform's centre from where a cart and a pose put it."""
+        wanted = np.array([cart_x_m + pose[0], 0.0, self.parameters.base_height_m - pose[1]])
+        return float(np.linalg.norm(self.platform_world() - wanted))
 
     def platform_world(self) -> Array:
         """The platform's centre in the world, (3,), metres."""

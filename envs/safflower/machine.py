@@ -9,7 +9,8 @@ import numpy as np
 from ...motion import QUINTIC
 from ...simulation.motion_result import Rest
 from ...simulation.picker_model import PickerParameters
-from ..core import Array, Rows
+from ..core import Array
+from ..driven import RECOVERY_S, Driven
 from .config import SafflowerConfig
 from .core import PickerOutcome, SafflowerCore
 from .state import PickerPlan
@@ -19,7 +20,7 @@ _REST = Rest(tolerance_m=5e-4, limit_s=0.5, wait_s=0.025)
 """The tool's weight alone bends it by up to 0.25 mm."""
 
 
-class PyBulletPicker:
+class PyBulletPicker(Driven[PickerPlan, PickerOutcome]):
     """Executor that drives the closed-loop machine of one world.
 
     The machine moves in PyBullet; while it stands still (settling, locating, cutting) time passes without steps.
@@ -30,19 +31,17 @@ class PyBulletPicker:
         # PyBullet loads where a machine is driven, not where a batch is computed.
         from ...simulation.picker import PickerMachine
 
-        if core.worlds != 1:
-            raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
+        super().__init__(core.worlds)
         self._core = core
         self._machine = PickerMachine(picker_parameters(core.config))
         self._dt = 1.0 / self._machine.parameters.physics_hz
 
-    def reset_rows(self, rows: Rows) -> None:
+    def place(self) -> None:
         """Put the machine where the rules say it stands."""
-        if len(rows):
-            pose = self._core.state.pose[0]
-            self._machine.reset(float(pose[0]), pose[1:])
+        pose = self._core.state.pose[0]
+        self._machine.reset(float(pose[0]), pose[1:])
 
-    def execute(self, plan: PickerPlan) -> PickerOutcome:
+    def drive(self, plan: PickerPlan) -> PickerOutcome:
         """Drive the motion and say how long it took and where the tool came to rest."""
         phases = plan.phases_s.copy()
         kind = int(plan.kind[0])
@@ -54,15 +53,19 @@ class PyBulletPicker:
         still = np.full(steps, cart[-1]), np.repeat(tool[-1:], steps, 0)
         # The end lies between two samples; the command rests from there on, and so does a tool that is on time.
         report, moved_s = _REST.wait(report, nominal_s, nominal_s, lambda: self._machine.run(*still))
+        if not self.arrived(report.final_error_m, report.saturated):
+            moved_s += RECOVERY_S
         phases[0, P.drive if kind == DRIVE else P.travel] += moved_s - nominal_s
         x, y, z = report.final_tool_m
         parameters = self._machine.parameters
         plane = [[x, y + 0.5 * parameters.five_bar.base_m, z - parameters.motor_height_m]]
         return PickerOutcome(phases, np.array(plane))
 
-    def close(self) -> None:
-        """Close the world; idempotent."""
-        self._machine.close()
+    def missed(self, plan: PickerPlan) -> PickerOutcome:
+        """The tool stayed where it was."""
+        phases = plan.phases_s.copy()
+        phases[0, P.travel] += RECOVERY_S
+        return PickerOutcome(phases, plan.start)
 
 
 def picker_parameters(config: SafflowerConfig) -> PickerParameters:

@@ -9,7 +9,8 @@ import numpy as np
 from ...motion import PathMotion, StoppedPath
 from ...simulation.motion_result import Rest
 from ...simulation.transplanter import GateResult, TransplanterMachine
-from ..core import Array, Rows
+from ..core import Array
+from ..driven import RECOVERY_S, Driven
 from .columns import E, P
 from .config import TransplantingConfig
 from .core import TransplantingCore, TransplantOutcome
@@ -73,7 +74,7 @@ class Trajectories:
         return self._sampled[key], motion.duration_s
 
 
-class PyBulletTransplanter:
+class PyBulletTransplanter(Driven[TransplantPlan, TransplantOutcome]):
     """Executor that drives the closed-loop machine of one world.
 
     The machine moves in PyBullet; while it stands still (gripping, indexing) time passes without steps.
@@ -81,20 +82,18 @@ class PyBulletTransplanter:
 
     def __init__(self, core: TransplantingCore):
         """Build the machine for the rules' single world."""
-        if core.worlds != 1:
-            raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
+        super().__init__(core.worlds)
         self._core = core
         self._machine = TransplanterMachine(core.config.machine.parameters)
         self._trajectories = Trajectories(core.config, core.places)
         self._plug_kg = core.config.process.plug_kg
 
-    def reset_rows(self, rows: Rows) -> None:
+    def place(self) -> None:
         """Put the machine where the rules say it stands."""
-        if len(rows):
-            self._machine.carry(0.0)
-            self._machine.reset(self._trajectories.points[self._core.state.place[0]])
+        self._machine.carry(0.0)
+        self._machine.reset(self._trajectories.points[self._core.state.place[0]])
 
-    def execute(self, plan: TransplantPlan) -> TransplantOutcome:
+    def drive(self, plan: TransplantPlan) -> TransplantOutcome:
         """Drive the gates and say how long they took and where the tool came to rest."""
         phases = plan.phases_s.copy()
         errors = np.zeros((1, len(E)))
@@ -107,17 +106,23 @@ class PyBulletTransplanter:
                 errors[0, E.target if move.end >= n else E.source] = error_m
         return TransplantOutcome(phases, errors)
 
-    def close(self) -> None:
-        """Close the world; idempotent."""
-        self._machine.close()
-
     def _drive(self, move: Move) -> tuple[float, float, float]:
         """Simulated and nominal seconds of a move, and the tool's distance from its end."""
         positions, nominal_s = self._trajectories.samples(move, self._machine.client.step_s)
         report: GateResult = self._machine.run(positions)
         still = np.repeat(positions[-1:], _REST.steps(self._machine.client.step_s), axis=0)
         report, moved_s = _REST.wait(report, report.duration_s, nominal_s, lambda: self._machine.run(still))
+        if not self.arrived(report.final_error_m, report.saturated):
+            # The next gate of the decision begins where this one should have ended.
+            self._machine.reset(positions[-1])
+            moved_s += RECOVERY_S
         return moved_s, nominal_s, report.final_error_m
+
+    def missed(self, plan: TransplantPlan) -> TransplantOutcome:
+        """The tool stayed where it was, far from every cell."""
+        phases = plan.phases_s.copy()
+        phases[0, P.travel] += RECOVERY_S
+        return TransplantOutcome(phases, np.full((1, len(E)), np.inf))
 
 
 def moves(core: TransplantingCore, plan: TransplantPlan, row: int = 0) -> list[Move]:

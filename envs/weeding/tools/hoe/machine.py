@@ -8,17 +8,19 @@ from .....motion import QUINTIC
 from .....simulation.hoe import HoeMachine
 from .....simulation.hoe_model import HoeParameters
 from .....simulation.prrs import PrrsResult
-from ....core import Array, Rows
+from ....core import Array
+from ....driven import Driven
 from ...core import WeederOutcome, WeedingCore
 from ...state import WAIT, V, WeederPlan
 from ...timing import WORK, A, P, whole_steps
+from ..stayed import FAR_M, stayed
 from .process import B, HoeProcessConfig
 
 _LOOK_EVERY = 6
 """Steps between two looks at the blade while it stirs: forty a second."""
 
 
-class PyBulletHoe:
+class PyBulletHoe(Driven[WeederPlan, WeederOutcome]):
     """Executor that drives the closed-loop machine of one world, soil resisting the blade.
 
     The cart keeps its speed, so its frame is as good as the ground's: the machine is driven in it. Phases are cut to
@@ -27,23 +29,21 @@ class PyBulletHoe:
 
     def __init__(self, core: WeedingCore):
         """Build the machine for the rules' single world."""
-        if core.worlds != 1:
-            raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
+        super().__init__(core.worlds)
         self._core = core
         self._hoe: HoeProcessConfig = core.config.process
         self._machine = HoeMachine(core.config.parameters)
         self._dt = 1.0 / self._machine.parameters.physics_hz
         self.last_result: PrrsResult | None = None
 
-    def reset_rows(self, rows: Rows) -> None:
+    def place(self) -> None:
         """Put the machine where the rules say it stands, its blade up."""
-        if len(rows):
-            state = self._core.state
-            along, _, across = state.place[0]
-            tip = np.array([[along, across, self._hoe.clearance_m]])
-            self._machine.reset(poses(self._machine.parameters, tip, state.cart[:1])[0])
+        state = self._core.state
+        along, _, across = state.place[0]
+        tip = np.array([[along, across, self._hoe.clearance_m]])
+        self._machine.reset(poses(self._machine.parameters, tip, state.cart[:1])[0])
 
-    def execute(self, plan: WeederPlan) -> WeederOutcome:
+    def drive(self, plan: WeederPlan) -> WeederOutcome:
         """Drive the motion and say where the blade's circle really was, on average, while it stirred."""
         works = bool(plan.kind[0] < WAIT)
         phases, steps = whole_steps(plan.phases_s, works, self._dt)
@@ -62,13 +62,15 @@ class PyBulletHoe:
             if stirring[row]:
                 errors.append(self._machine.platform()[0][:2] - pose[row, :2])
 
-        self.last_result = self._machine.hoe(pose, speed, look)
+        report = self.last_result = self._machine.hoe(pose, speed, look)
         hit = plan.aim + np.mean(errors, axis=0) if errors else plan.aim
+        if not self.arrived(report.final_error_m, report.saturated):
+            hit = np.where(np.isfinite(hit), hit, plan.aim + FAR_M)
         return WeederOutcome(phases, hit)
 
-    def close(self) -> None:
-        """Close the world; idempotent."""
-        self._machine.close()
+    def missed(self, plan: WeederPlan) -> WeederOutcome:
+        """The blade stayed where it was."""
+        return stayed(plan)
 
 
 def poses(parameters: HoeParameters, tip: Array, cart_m: Array) -> Array:

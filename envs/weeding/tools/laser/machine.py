@@ -7,10 +7,12 @@ import numpy as np
 from .....motion import QUINTIC
 from .....simulation.weeder import WeederMachine, WeederResult
 from .....simulation.weeder_model import WeederParameters
-from ....core import Array, Rows
+from ....core import Array
+from ....driven import Driven
 from ...core import WeederOutcome, WeedingCore
 from ...state import WAIT, V, WeederPlan
 from ...timing import WORK, P, ways_of, whole_steps
+from ..stayed import FAR_M, stayed
 from .aim import LaserReach, poses
 from .config import WeedingConfig
 from .process import B
@@ -19,7 +21,7 @@ _LOOK_EVERY = 6
 """Steps between two looks at the beam while it burns: forty a second."""
 
 
-class PyBulletWeeder:
+class PyBulletWeeder(Driven[WeederPlan, WeederOutcome]):
     """Executor that drives the closed-loop machine of one world; the cart moves in every step.
 
     Phases are cut to whole steps: a decision takes up to one step longer than its plan.
@@ -27,23 +29,21 @@ class PyBulletWeeder:
 
     def __init__(self, core: WeedingCore):
         """Build the machine for the rules' single world."""
-        if core.worlds != 1:
-            raise ValueError(f"{core.worlds} worlds: the PyBullet executor drives one machine")
+        super().__init__(core.worlds)
         self._core = core
         self._config: WeedingConfig = core.config
         self._machine = WeederMachine(self._config.parameters)
         self._dt = 1.0 / self._machine.parameters.physics_hz
         self.last_result: WeederResult | None = None
 
-    def reset_rows(self, rows: Rows) -> None:
+    def place(self) -> None:
         """Put the machine where the rules say it stands, its cart driving already."""
-        if len(rows):
-            state = self._core.state
-            cart = state.cart[:1]
-            pose = poses(self._config.reach, state.place[:1], cart)[0]
-            self._machine.reset(float(cart[0]), pose, float(state.speed[0]))
+        state = self._core.state
+        cart = state.cart[:1]
+        pose = poses(self._config.reach, state.place[:1], cart)[0]
+        self._machine.reset(float(cart[0]), pose, float(state.speed[0]))
 
-    def execute(self, plan: WeederPlan) -> WeederOutcome:
+    def drive(self, plan: WeederPlan) -> WeederOutcome:
         """Drive the motion, follow for the time of the work, and say where the beam was while it burned."""
         config, dt = self._config, self._dt
         works = bool(plan.kind[0] < WAIT)
@@ -61,11 +61,13 @@ class PyBulletWeeder:
         if works:
             seen = report.beam[burning]
             hit = (seen if len(seen) else report.beam[-1:]).mean(axis=0, keepdims=True)
+        if not self.arrived(report.final_error_m, report.saturated):
+            hit = np.where(np.isfinite(hit), hit, plan.aim + FAR_M)
         return WeederOutcome(phases, hit)
 
-    def close(self) -> None:
-        """Close the world; idempotent."""
-        self._machine.close()
+    def missed(self, plan: WeederPlan) -> WeederOutcome:
+        """The beam stayed where it was."""
+        return stayed(plan)
 
 
 def trajectory(config: WeedingConfig, plan: WeederPlan, phases_s: Array, time_s: Array) -> tuple[Array, Array]:
