@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import allocated, shaped
 from ..core import Array
 from ..field import Camera
 from . import field
@@ -16,74 +16,62 @@ from .config import PerceptionModel, SafflowerConfig, ScenarioConfig
 from .field import SafflowerField
 
 
-@dataclass(frozen=True)
-class Heads:
-    """True heads of R worlds, N slots each; what does not exist has no mass and lies at the origin.
+class Heads(NamedTuple):
+    """True heads of R worlds, N slots each; what does not exist has no mass and lies at the origin."""
 
-    Attributes:
-        position: (R, N, 3), world metres (along, across, up).
-        exists: (R, N).
-        stage: (R, N), index into ``STAGES``.
-        mass_g: (R, N), useful filaments: open heads only.
-        size_m: (R, N), filament spread.
-        occluded: (R, N).
-        cut_luck: (R, N), standard normal.
-        drop_luck: (R, N), standard normal.
-        plant: (R, N), index of its plant.
-    """
-
-    position: Array
-    exists: NDArray[np.bool_]
-    stage: NDArray[np.int64]
-    mass_g: Array
-    size_m: Array
-    occluded: NDArray[np.bool_]
-    cut_luck: Array
-    drop_luck: Array
-    plant: NDArray[np.int64]
+    position: Annotated[Array, shaped("heads", 3)]
+    """World metres (along, across, up)."""
+    exists: Annotated[NDArray[np.bool_], shaped("heads")]
+    """Whether a head is in the slot."""
+    stage: Annotated[NDArray[np.int64], shaped("heads")]
+    """Index into ``STAGES``."""
+    mass_g: Annotated[Array, shaped("heads")]
+    """Useful filaments: open heads only."""
+    size_m: Annotated[Array, shaped("heads")]
+    """Filament spread."""
+    occluded: Annotated[NDArray[np.bool_], shaped("heads")]
+    """Whether leaves hang over it."""
+    cut_luck: Annotated[Array, shaped("heads")]
+    """Standard normal."""
+    drop_luck: Annotated[Array, shaped("heads")]
+    """Standard normal."""
+    plant: Annotated[NDArray[np.int64], shaped("heads")]
+    """Index of its plant."""
 
 
-@dataclass(frozen=True)
-class Plants:
-    """Plants of R worlds, P slots each.
+class Plants(NamedTuple):
+    """Plants of R worlds, P slots each."""
 
-    Attributes:
-        base: (R, P, 3), where the stem leaves the ground.
-        height_m: (R, P).
-        crown_m: (R, P).
-        count: (R,), how many of them there are.
-    """
-
-    base: Array
-    height_m: Array
-    crown_m: Array
-    count: NDArray[np.int64]
+    base: Annotated[Array, shaped("plants", 3)]
+    """Where the stem leaves the ground."""
+    height_m: Annotated[Array, shaped("plants")]
+    """Of the plant."""
+    crown_m: Annotated[Array, shaped("plants")]
+    """Width of the crown."""
+    count: Annotated[NDArray[np.int64], shaped()]  # type: ignore[override]
+    """How many of them there are."""
 
 
-@dataclass(frozen=True)
-class Tracks:
-    """What the camera reports, M slots a world, in the fixed order: by stop, lane by lane, to and fro.
+class Tracks(NamedTuple):
+    """What the camera reports, M slots a world, in the fixed order: by stop, lane by lane, to and fro."""
 
-    Attributes:
-        position: (R, M, 3), reported world position.
-        stage: (R, M), reported stage.
-        size_m: (R, M), reported filament spread.
-        head: (R, M), index of the true head, N where there is none.
-        first: (R, S + 1), index of each stop's first report; the last entry ends the last stop.
-    """
-
-    position: Array
-    stage: NDArray[np.int64]
-    size_m: Array
-    head: NDArray[np.int64]
-    first: NDArray[np.int64]
+    position: Annotated[Array, shaped("tracks", 3)]
+    """Reported world position."""
+    stage: Annotated[NDArray[np.int64], shaped("tracks")]
+    """Reported stage."""
+    size_m: Annotated[Array, shaped("tracks")]
+    """Reported filament spread."""
+    head: Annotated[NDArray[np.int64], shaped("tracks", empty="heads")]
+    """Index of the true head, N where there is none."""
+    first: Annotated[NDArray[np.int64], shaped("stops")]
+    """Index of each stop's first report; the last entry ends the last stop."""
 
 
 PartT = TypeVar("PartT", Heads, Plants, Tracks)
 
 
 def _row(part: PartT, at: int) -> PartT:
-    return type(part)(*(values[at : at + 1] for values in vars(part).values()))
+    return part._make(values[at : at + 1] for values in part)
 
 
 class Batch(NamedTuple):
@@ -132,19 +120,8 @@ def stack(config: SafflowerConfig, fields: Sequence[SafflowerField]) -> Batch:
     """The batch of fields in which nothing is missing and that fit; see ``filling``."""
     scenario, rows = config.scenario, len(fields)
     slots = scenario.plants * scenario.max_heads
-    heads = Heads(
-        position=np.zeros((rows, slots, 3)),
-        exists=np.zeros((rows, slots), bool),
-        stage=np.zeros((rows, slots), np.int64),
-        mass_g=np.zeros((rows, slots)),
-        size_m=np.zeros((rows, slots)),
-        occluded=np.zeros((rows, slots), bool),
-        cut_luck=np.zeros((rows, slots)),
-        drop_luck=np.zeros((rows, slots)),
-        plant=np.zeros((rows, slots), np.int64),
-    )
-    base, height, crown = (np.zeros((rows, scenario.plants, *more)) for more in ((3,), (), ()))
-    plants = Plants(base, height, crown, np.zeros(rows, np.int64))
+    heads = allocated(Heads, rows, heads=slots)
+    plants = allocated(Plants, rows, plants=scenario.plants)
     for row, one in enumerate(fields):
         slot = one.heads.slot
         heads.exists[row, slot] = True
@@ -153,8 +130,8 @@ def stack(config: SafflowerConfig, fields: Sequence[SafflowerField]) -> Batch:
             getattr(heads, name)[row, slot] = getattr(one.heads, name)
         assert one.plants is not None
         count = plants.count[row] = len(one.plants)
-        base[row, :count] = places(one.plants)
-        height[row, :count], crown[row, :count] = one.plants.height_m, one.plants.crown_m
+        plants.base[row, :count] = places(one.plants)
+        plants.height_m[row, :count], plants.crown_m[row, :count] = one.plants.height_m, one.plants.crown_m
     reports = [one.reports for one in fields if one.reports is not None]
     if len(reports) < rows:
         return Batch(heads, plants, None)
@@ -165,18 +142,18 @@ def _tracks(
     config: SafflowerConfig, slots: int, reports: Sequence[field.Reports], slot: Sequence[NDArray[np.int64]]
 ) -> Tracks:
     """Reports in the fixed order; ``slot`` says where each row of the heads is kept."""
-    shape = len(reports), max(len(table) for table in reports)
-    position, size = np.zeros((*shape, 3)), np.zeros(shape)
-    stage, head, seen = np.zeros(shape, np.int64), np.full(shape, slots), np.zeros(shape, bool)
+    most, stops = max(len(table) for table in reports), config.scenario.stops
+    tracks = allocated(Tracks, len(reports), tracks=most, heads=slots + 1, stops=stops + 1)
+    seen = np.zeros(tracks.head.shape, bool)
     for row, table in enumerate(reports):
         here = slice(len(table))
-        seen[row, here], position[row, here] = True, places(table)
-        stage[row, here], size[row, here] = table.stage, table.size_m
+        seen[row, here], tracks.position[row, here] = True, places(table)
+        tracks.stage[row, here], tracks.size_m[row, here] = table.stage, table.size_m
         # The last entry stands for the head -1: none.
-        head[row, here] = np.append(slot[row], slots)[table.head]
-    order, first = fixed_order(config, position, seen)
-    rows = np.arange(shape[0])[:, None]
-    return Tracks(position[rows, order], stage[rows, order], size[rows, order], head[rows, order], first)
+        tracks.head[row, here] = np.append(slot[row], slots)[table.head]
+    order, first = fixed_order(config, tracks.position, seen)
+    rows = np.arange(len(reports))[:, None]
+    return Tracks._make([*(values[rows, order] for values in tracks[:-1]), first])
 
 
 def places(table: field.Plants | field.Heads | field.Reports) -> Array:

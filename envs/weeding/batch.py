@@ -3,72 +3,64 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...kernels import compiled
+from ..arrays import allocated, shaped
 from ..core import Array
 from ..field import Camera, Table
 from . import field
 from .config import ScenarioConfig
 from .field import WeedField
 from .state import FAR_M
-from .timing import G
+from .timing import G, Ground
 
 
-@dataclass(frozen=True)
-class Plants:
-    """True plants of R worlds; what does not exist lies at ``FAR_M``.
+class Plants(NamedTuple):
+    """True plants of R worlds; what does not exist lies at ``FAR_M``."""
 
-    Attributes:
-        weed: (R, N, 2) places along and across, sorted along.
-        exists: (R, N).
-        species: (R, N), index into ``SPECIES``.
-        stage: (R, N), index into ``STAGES``.
-        luck: (R, N), uniform: the rank of the weed's tolerance.
-        look: (R, N), uniform: whatever only looks need (yaw, size).
-        crop: (R, C, 2) places of the crop plants of the middle row, sorted along; C spans one beyond each end.
-        crop_luck: (R, C), uniform.
-        ground_look: (R,), uniform: the odometry's error and the looks of the soil.
-    """
-
-    weed: Array
-    exists: NDArray[np.bool_]
-    species: NDArray[np.int64]
-    stage: NDArray[np.int64]
-    luck: Array
-    look: Array
-    crop: Array
-    crop_luck: Array
-    ground_look: Array
+    weed: Annotated[Array, shaped("weeds", Ground, empty=FAR_M)]
+    """Places along and across, sorted along."""
+    exists: Annotated[NDArray[np.bool_], shaped("weeds")]
+    """Whether a weed is in the slot."""
+    species: Annotated[NDArray[np.int64], shaped("weeds")]
+    """Index into ``SPECIES``."""
+    stage: Annotated[NDArray[np.int64], shaped("weeds")]
+    """Index into ``STAGES``."""
+    luck: Annotated[Array, shaped("weeds")]
+    """Uniform: the rank of the weed's tolerance."""
+    look: Annotated[Array, shaped("weeds")]
+    """Uniform: whatever only looks need (yaw, size)."""
+    crop: Annotated[Array, shaped("crops", Ground, empty=FAR_M)]
+    """Places of the crop plants of the middle row, sorted along; they span one beyond each end."""
+    crop_luck: Annotated[Array, shaped("crops")]
+    """Uniform."""
+    ground_look: Annotated[Array, shaped()]
+    """Uniform: the odometry's error and the looks of the soil."""
 
 
-@dataclass(frozen=True)
-class Tracks:
-    """What the cameras make of R worlds, T slots each, sorted along; empty slots lie at ``FAR_M``.
+class Tracks(NamedTuple):
+    """What the cameras make of R worlds, T slots each, sorted along; empty slots lie at ``FAR_M``."""
 
-    Attributes:
-        report: (R, T, 2), place that the machine believes when it aims.
-        aim: (R, T, 2), place that the tool is set on after its camera's correction.
-        weed: (R, T), index of the nearest true weed along the row.
-        real: (R, T), whether a weed is behind it.
-        species: (R, T), reported.
-        stage: (R, T), reported.
-        crop_gap_m: (R, T), reported distance to the nearest crop plant.
-        count: (R,).
-    """
-
-    report: Array
-    aim: Array
-    weed: NDArray[np.int64]
-    real: NDArray[np.bool_]
-    species: NDArray[np.int64]
-    stage: NDArray[np.int64]
-    crop_gap_m: Array
-    count: NDArray[np.int64]
+    report: Annotated[Array, shaped("tracks", Ground, empty=FAR_M)]
+    """Place that the machine believes when it aims."""
+    aim: Annotated[Array, shaped("tracks", Ground, empty=FAR_M)]
+    """Place that the tool is set on after its camera's correction."""
+    weed: Annotated[NDArray[np.int64], shaped("tracks")]
+    """Index of the nearest true weed along the row."""
+    real: Annotated[NDArray[np.bool_], shaped("tracks")]
+    """Whether a weed is behind it."""
+    species: Annotated[NDArray[np.int64], shaped("tracks")]
+    """Reported."""
+    stage: Annotated[NDArray[np.int64], shaped("tracks")]
+    """Reported."""
+    crop_gap_m: Annotated[Array, shaped("tracks")]
+    """Reported distance to the nearest crop plant."""
+    count: Annotated[NDArray[np.int64], shaped()]  # type: ignore[override]
+    """How many there are."""
 
 
 class Batch(NamedTuple):
@@ -139,18 +131,7 @@ def stack(scenario: ScenarioConfig, capacity: int, fields: Sequence[WeedField]) 
         capacity: most tracks.
         fields: one a world.
     """
-    rows, n, c = len(fields), scenario.max_weeds, scenario.crops
-    plants = Plants(
-        weed=np.full((rows, n, 2), FAR_M),
-        exists=np.zeros((rows, n), bool),
-        species=np.zeros((rows, n), np.int64),
-        stage=np.zeros((rows, n), np.int64),
-        luck=np.zeros((rows, n)),
-        look=np.zeros((rows, n)),
-        crop=np.full((rows, c, 2), FAR_M),
-        crop_luck=np.zeros((rows, c)),
-        ground_look=np.zeros(rows),
-    )
+    plants = allocated(Plants, len(fields), weeds=scenario.max_weeds, crops=scenario.crops)
     for row, one in enumerate(fields):
         assert one.crops is not None and one.ground is not None
         weeds, crops = slice(len(one.weeds)), slice(len(one.crops))
@@ -160,21 +141,18 @@ def stack(scenario: ScenarioConfig, capacity: int, fields: Sequence[WeedField]) 
         plants.crop[row, crops], plants.crop_luck[row, crops] = places(one.crops), one.crops.luck
         plants.ground_look[row] = one.ground.look[0]
     reports = [one.reports for one in fields if one.reports is not None]
-    return Batch(plants, _tracks(plants, capacity, reports) if len(reports) == rows else None)
+    return Batch(plants, _tracks(plants, capacity, reports) if len(reports) == len(fields) else None)
 
 
 def _tracks(plants: Plants, capacity: int, reports: Sequence[field.Reports]) -> Tracks:
-    shape = len(reports), capacity
-    report, aim = np.full((*shape, 2), FAR_M), np.full((*shape, 2), FAR_M)
-    species, stage, real = np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(shape, bool)
-    gap, count = np.zeros(shape), np.zeros(len(reports), np.int64)
+    tracks = allocated(Tracks, len(reports), tracks=capacity)
     for row, table in enumerate(reports):
-        n = count[row] = len(table)
-        report[row, :n], aim[row, :n] = places(table), places(table, "aim_along_m", "aim_across_m")
-        species[row, :n], stage[row, :n] = table.species, table.stage
-        gap[row, :n], real[row, :n] = table.crop_gap_m, table.behind == 1
-    weed = nearest_along(plants.weed[..., G.along], aim[..., G.along])
-    return Tracks(report, aim, weed, real, species, stage, gap, count)
+        n = tracks.count[row] = len(table)
+        tracks.report[row, :n], tracks.aim[row, :n] = places(table), places(table, "aim_along_m", "aim_across_m")
+        for name in ("species", "stage", "crop_gap_m"):
+            getattr(tracks, name)[row, :n] = getattr(table, name)
+        tracks.real[row, :n] = table.behind == 1
+    return tracks._replace(weed=nearest_along(plants.weed[..., G.along], tracks.aim[..., G.along]))
 
 
 def unstack(batch: Batch, camera: Camera | None) -> list[WeedField]:
