@@ -34,6 +34,7 @@ class Assembly(Generic[ConfigT]):
         measured: the perception model fitted to rendered pictures; None where there is none.
         machine: makes the executor that drives one world's machine in PyBullet; None where there is none.
         view: makes the rendered world of a single environment.
+        belief: what the machine believes of one world's field beside what is true, a ``Belief``, for people to see.
         within_motors: lowers a configuration's limits of speed and acceleration to what its machine's motors can give,
             or refuses motors that cannot hold it; None where no motor is modelled. See ``motors``.
         settings: keyword arguments of ``gym.make`` that are short for a part of the configuration, by name: a dotted
@@ -48,6 +49,7 @@ class Assembly(Generic[ConfigT]):
     measured: Callable[[ConfigT], Any] | None = None
     machine: Callable[[Any], Executor[Any, Any]] | None = None
     view: Callable[[Any], View[Any]] | None = None
+    belief: Callable[[Any], Any] | None = None
     within_motors: Callable[[ConfigT], ConfigT] | None = None
     settings: Mapping[str, str | Callable[[ConfigT, Any], ConfigT]] = field(default_factory=dict)
     fixed: Mapping[str, Any] = field(default_factory=dict)

@@ -10,11 +10,13 @@ import pytest
 import fieldgym
 from fieldgym.agents import make_policy, reference_policy
 from fieldgym.agents.policies.base import act_single
+from fieldgym.envs.belief import DONE, OPEN
 from fieldgym.rendering.instances import about_z, from_quaternion, instances
 from fieldgym.rendering.library import MeshLibrary
 from fieldgym.rendering.shapes import box
 from fieldgym.simulation.stage import Stage
 from fieldgym.viewer import panels
+from fieldgym.viewer.choices import choice_of, features, possible, shares
 from fieldgym.viewer.mirror import Mirror
 from fieldgym.viewer.reel import Reel, Scene
 from fieldgym.viewer.seat import Seat
@@ -218,3 +220,74 @@ def test_panels_hold_no_markup_of_others():
     assert page.count("s</span>") >= 2
     times, rows = panels.course([seat.log], seat.now_s)
     assert rows[0][-1] == seat.scorecard["net_rate"] and times[-1] == seat.now_s
+
+
+@pytest.mark.parametrize("env_id", OWN)
+def test_what_is_believed_is_near_what_is_true(env_id: str):
+    """With perfect reports every mark is at a true target; a taken slot has a mark, an empty one has none."""
+    seat = seat_of(env_id, perception="perfect")
+    seat.begin(lambda env: env.reset(seed=4))
+    for _ in range(12):
+        seat.start(1.0)
+        seat.finish()
+        belief = seat.belief
+        assert belief is not None
+        taken = seat.observation["candidates"].reshape(seat.layout.candidates, seat.layout.features)[:, 0] > 0.5
+        np.testing.assert_array_equal(np.isfinite(belief.slot_m[:, 0]), taken)
+        # A sorter says where its platform would be: over the item, tilted ones a little aside.
+        near = 0.03 if "Sorting" in env_id else 1e-6
+        for ends in (belief.slot_m, belief.to_m):
+            if ends is not None and taken.any():
+                away = np.linalg.norm(ends[taken][:, None] - belief.true_m[None], axis=-1).min(axis=1)
+                assert away.max() < near
+    seat.close()
+
+
+def test_done_targets_are_told_from_open_ones():
+    seat = seat_of("fieldgym/LaserWeeding-v0", perception="perfect")
+    seat.begin(lambda env: env.reset(seed=4))
+    while seat.scorecard["done"] < 3:
+        seat.start(1.0)
+        seat.finish()
+    assert seat.belief is not None
+    assert np.count_nonzero(seat.belief.stands == DONE) == seat.scorecard["done"]
+    assert np.count_nonzero(seat.belief.stands == OPEN) > 3
+    seat.close()
+
+
+@pytest.mark.parametrize("env_id", OWN)
+def test_every_action_has_a_name_of_its_own(env_id: str):
+    seat = seat_of(env_id)
+    seat.begin(lambda env: env.reset(seed=4))
+    layout, belief = seat.layout, seat.belief
+    texts = {choice_of(action, layout, belief).text for action in range(layout.actions)}
+    assert len(texts) == layout.actions
+    legal = possible(seat.observation, layout, belief)
+    assert sorted(legal.values()) == np.flatnonzero(seat.observation["action_mask"]).tolist()
+    names = [name for name, _, _ in features(seat.observation, layout, belief, 0)] if belief is not None else []
+    assert tuple(names) == seat.env.unwrapped.core.candidate_features  # type: ignore[attr-defined]
+    seat.close()
+
+
+def test_an_action_by_hand_is_carried_out_in_the_policys_place():
+    seat = seat_of("fieldgym/LaserWeeding-v0")
+    seat.begin(lambda env: env.reset(seed=4))
+    while seat.choice == seat.layout.actions - 1:
+        seat.start(1.0)
+        seat.finish()
+    assert seat.choice is not None and choice_of(seat.choice, seat.layout, seat.belief).slot is not None
+    seat.start(1.0, seat.layout.actions - 1)
+    seat.finish()
+    assert seat.log[-1].action == seat.layout.actions - 1 and seat.log[-1].by_hand and not seat.log[0].by_hand
+    assert seat.log[-1].text.startswith("wait")
+    seat.close()
+
+
+def test_a_learned_policy_says_how_sure_it_is():
+    seat = seat_of("fieldgym/LaserWeeding-v0", "learned")
+    seat.begin(lambda env: env.reset(seed=4))
+    weights = shares(seat.policy, seat.observation)
+    assert weights is not None and weights.sum() == pytest.approx(1.0) and weights.argmax() == seat.choice
+    assert not weights[seat.observation["action_mask"] == 0].any()
+    assert shares(make_policy("fifo", seat.env, 0), seat.observation) is None
+    seat.close()

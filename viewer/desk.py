@@ -9,13 +9,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..agents.sources import policy_names
+from ..agents.sources import policy_names, policy_source
 from ..envs.task import task
 from . import panels
+from .choices import asked, choice_of, features, possible, shares
 from .play import Play
 from .seat import Seat
 
 NOBODY = "nobody"
+_NONE = "-"
+_MARKS = {"believed": "what it believes", "true": "what is true", "cameras": "cameras"}
 PLAY, PAUSE, SINGLE, START = "Play", "Pause", "One decision", "Start again"
 _EVERY_S = 0.25
 """The panels are renewed after this at the earliest: decisions may come fifty a second."""
@@ -32,6 +35,7 @@ class Viewer(Protocol):
     bound: dict[str, float] | None
     running: bool
     now_s: float
+    picked: int | None
 
     @property
     def over(self) -> bool: ...  # noqa: D102
@@ -39,6 +43,8 @@ class Viewer(Protocol):
     def load(self, play: Play, fresh: bool = True) -> None: ...  # noqa: D102
     def set_running(self, running: bool) -> None: ...  # noqa: D102
     def single(self, action: int | None = None) -> None: ...  # noqa: D102
+    def pick(self, slot: int | None) -> None: ...  # noqa: D102
+    def show_marks(self, what: str, shown: bool) -> None: ...  # noqa: D102
 
 
 class Desk:
@@ -51,7 +57,8 @@ class Desk:
         """Lay them out."""
         self._viewer, self._server = viewer, server
         self._renewed_s, self._stale = -np.inf, True
-        self._setting = False
+        self._policies: dict[str, Any] = {}
+        self._actions: dict[str, int] = {}
         gui = server.gui
         gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False)
         self._head = gui.add_html("")
@@ -60,7 +67,7 @@ class Desk:
         self._single = gui.add_button(SINGLE, color="gray")
         self._single.on_click(lambda _: viewer.order(viewer.single))
         self._speed = gui.add_dropdown("speed", [_speed(x) for x in viewer.speeds], initial_value=_speed(viewer.speed))
-        self._speed.on_update(lambda _: viewer.order(self._take_speed))
+        self._speed.on_update(self._ordered(self._take_speed))
         self._note = gui.add_markdown("", visible=False)
         self._tabs = gui.add_tab_group()
         with self._tabs.add_tab("Score"):
@@ -68,13 +75,29 @@ class Desk:
             self._course = self._add_course(1)
             self._strip = gui.add_html("")
             self._rewards = gui.add_html("")
+        with self._tabs.add_tab("Decide"):
+            self._opinions = gui.add_html("")
+            self._slot = gui.add_dropdown("candidate", [_NONE], initial_value=_NONE)
+            self._slot.on_update(self._ordered(self._take_slot))
+            self._features = gui.add_html("")
+            self._action = gui.add_dropdown("action", [_NONE], initial_value=_NONE)
+            self._do = gui.add_button("Do it")
+            self._do.on_click(lambda _: viewer.order(self._take_action))
+        with self._tabs.add_tab("See"):
+            for what, label in _MARKS.items():
+                box = gui.add_checkbox(label, initial_value=what != "true")
+                box.on_update(
+                    lambda event, what=what: viewer.order(lambda: viewer.show_marks(what, event.target.value))
+                )
+            self._key = gui.add_html(panels.key())
+            self._camera = gui.add_image(np.full((2, 2, 3), 255, np.uint8), visible=False)
         with self._tabs.add_tab("Log"):
             self._log = gui.add_html("")
         with self._tabs.add_tab("Played"):
             play = viewer.play
             spec = task(play.env_id)
             names = [*dict.fromkeys([*policy_names(spec.id), play.policy, *filter(None, [play.against])])]
-            scenario = str(play.settings.get("scenario") or spec.headline)
+            scenario = self._scenario_of(play)
             self._policy = gui.add_dropdown("policy", names, initial_value=play.policy)
             self._against = gui.add_dropdown("against", [NOBODY, *names], initial_value=play.against or NOBODY)
             self._scenario = gui.add_dropdown(
@@ -82,13 +105,20 @@ class Desk:
             )
             self._seed = gui.add_number("seed", initial_value=play.seed, min=0, max=_MOST_SEED, step=1)
             self._again = gui.add_button(START, color="gray")
-        for control in (self._policy, self._against, self._scenario, self._seed):
-            control.on_update(lambda _: viewer.order(self._take_play))
+        for control, what in (
+            (self._policy, "policy"),
+            (self._against, "against"),
+            (self._scenario, "scenario"),
+            (self._seed, "seed"),
+        ):
+            control.on_update(self._ordered(lambda value, what=what: self._take_play(what, value)))
         self._again.on_click(lambda _: viewer.order(lambda: viewer.load(viewer.play, fresh=False)))
 
     def loaded(self) -> None:
         """Show that another episode has begun."""
+        self._policies = {}
         self._stale = True
+        self._show_play()
         self.running()
 
     def decided(self) -> None:
@@ -134,8 +164,75 @@ class Desk:
             )
             end_s = max(max(seat.now_s for seat in seats), 1e-3)
             times, rows = panels.course(logs, end_s)
-            self._course.data = tuple(np.array(row, np.float64) for row in (times, rows[0], rows[-1]))
-            self._show_play()
+            self._course.data = tuple(np.array(row, np.float64) for row in (times, rows[-1], rows[0]))
+            self._show_camera()
+            self.picked()
+
+    def picked(self) -> None:
+        """Show the candidate that a person looks at, and what can be done now."""
+        viewer, seat = self._viewer, self._viewer.seats[0]
+        belief, layout = seat.belief, seat.layout
+        if belief is None:
+            return
+        there = np.flatnonzero(np.isfinite(belief.slot_m).all(axis=1)).tolist()
+        slots = [_NONE, *(f"slot {slot}" for slot in there)]
+        slot = viewer.picked if viewer.picked in there else None
+        self._actions = {} if seat.over else possible(seat.observation, layout, belief)
+        best = _NONE if seat.choice is None else choice_of(seat.choice, layout, belief).text
+        wanted = best
+        if slot is not None:
+            of_slot = [text for text in self._actions if text.startswith(f"slot {slot}:")]
+            wanted = best if best in of_slot or not of_slot else of_slot[len(of_slot) // 2]
+        _choose(self._slot, slots, _NONE if slot is None else f"slot {slot}")
+        _choose(self._action, [*self._actions] or [_NONE], wanted)
+        self._do.disabled = seat.over
+        self._features.content = (
+            panels.boxed("Click a ring in the scene: its features come here.")
+            if slot is None
+            else panels.features(features(seat.observation, layout, belief, slot))
+        )
+        self._opinions.content = panels.boxed("Pause to ask every policy.") if viewer.running else self._asked()
+
+    def _asked(self) -> str:
+        """What every policy would do now."""
+        seat, play = self._viewer.seats[0], self._viewer.play
+        if seat.over:
+            return panels.boxed("The episode is over.")
+        if not self._policies:
+            for name in dict.fromkeys([*policy_names(play.env_id), play.policy]):
+                if name not in ("random", play.policy):
+                    self._policies[name] = policy_source(play.env_id, name).make(seat.env, play.seed)
+            for policy in self._policies.values():
+                policy.reset(np.ones(1, bool))
+        rows = []
+        answers = {play.policy: seat.choice, **asked(self._policies, seat.observation)}
+        for name, action in answers.items():
+            if action is None:
+                continue
+            policy = seat.policy if name == play.policy else self._policies[name]
+            weights = shares(policy, seat.observation)
+            sure = "" if weights is None else f"{100.0 * weights[action]:.0f} %"
+            rows.append((name, choice_of(action, seat.layout, seat.belief).text, sure))
+        return panels.opinions(rows)
+
+    def _show_camera(self) -> None:
+        """The last picture of the first seat's camera, with what was made of it."""
+        seat = self._viewer.seats[0]
+        if seat.watching.looks:
+            look = next(iter(seat.watching.looks.values()))
+            self._camera.image, self._camera.visible = panels.seen(look, seat.belief), True
+        else:
+            self._camera.visible = False
+
+    def _take_slot(self, word: str) -> None:
+        slot = None if word == _NONE else int(word.split()[1])
+        if slot != self._viewer.picked:
+            self._viewer.pick(slot)
+
+    def _take_action(self) -> None:
+        action = self._actions.get(str(self._action.value))
+        if action is not None and not self._viewer.seats[0].busy:
+            self._viewer.single(action)
 
     def _title(self) -> str:
         """What is played, and how it stands."""
@@ -151,37 +248,42 @@ class Desk:
         )
 
     def _show_play(self) -> None:
+        """Have the controls say what is played."""
         play = self._viewer.play
-        self._setting = True
-        values = (
+        for control, value in (
             (self._policy, play.policy),
             (self._against, play.against or NOBODY),
+            (self._scenario, self._scenario_of(play)),
             (self._seed, play.seed),
-        )
-        try:
-            for control, value in values:
-                if control.value != value:
-                    control.value = value
-        finally:
-            self._setting = False
-
-    def _take_play(self) -> None:
-        if self._setting:
-            return
-        viewer = self._viewer
-        against = "" if self._against.value == NOBODY else self._against.value
-        settings = {**viewer.play.settings, "scenario": self._scenario.value}
-        play = viewer.play
-        changes = {"policy": self._policy.value, "against": against, "seed": int(self._seed.value)}
-        if all(getattr(play, name) == value for name, value in changes.items()) and (
-            str(play.settings.get("scenario") or task(play.env_id).headline) == self._scenario.value
         ):
-            return
-        self._note.visible = False
-        viewer.load(replace(play, **changes, settings=settings))
+            if control.value != value:
+                control.value = value
 
-    def _take_speed(self) -> None:
-        self._viewer.speed = float(self._speed.value.strip("x"))
+    def _ordered(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        """A control's callback that has its value of that moment taken in the viewer's loop."""
+
+        def callback(event: Any) -> None:
+            value = event.target.value
+            self._viewer.order(lambda: take(value))
+
+        return callback
+
+    def _take_play(self, what: str, value: Any) -> None:
+        viewer, play = self._viewer, self._viewer.play
+        if what == "scenario":
+            wanted = replace(play, settings={**play.settings, "scenario": value})
+        else:
+            wanted = replace(play, **{what: "" if value == NOBODY else value})
+        if wanted != play and value != self._scenario_of(play):
+            self._note.visible = False
+            viewer.load(wanted)
+
+    @staticmethod
+    def _scenario_of(play: Play) -> str:
+        return str(play.settings.get("scenario") or task(play.env_id).headline)
+
+    def _take_speed(self, word: str) -> None:
+        self._viewer.speed = float(word.strip("x"))
 
     def _add_course(self, rows: int) -> Any:
         import viser.uplot as uplot
@@ -191,14 +293,22 @@ class Desk:
             data=(np.array([0.0, 1.0]), empty, empty),
             series=(
                 uplot.Series(label="s"),
-                uplot.Series(label="net rate", stroke="#e45756", width=2),
-                uplot.Series(label="against", stroke="#4c78a8", width=2),
+                uplot.Series(label="against", stroke="#e45756", width=2),
+                uplot.Series(label="net rate", stroke="#2b6cb0", width=2),
             ),
             scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(range=(0.0, 1.0))},
             axes=(uplot.Axis(size=26), uplot.Axis(size=34)),
             legend=uplot.Legend(show=False),
             height=120,
         )
+
+
+def _choose(control: Any, options: list[str], value: str) -> None:
+    """Give a dropdown other options and a value."""
+    if list(control.options) != options:
+        control.options = options
+    if control.value != value and value in options:
+        control.value = value
 
 
 def _speed(value: float) -> str:

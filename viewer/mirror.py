@@ -14,6 +14,8 @@ from .turns import parted
 Array = NDArray[np.float64]
 _ROUND_M = 1e-5
 """Places are sent in steps of this: less than a screen shows, and steps compress better than noise."""
+_CASTERS = 40
+"""Batches of more instances throw no shadow: litter and trays full of plants would, leaf by leaf."""
 
 
 class _Batch:
@@ -30,8 +32,9 @@ class _Batch:
             batched_wxyzs=_rounded(wxyz),
             batched_positions=_rounded(things.shift),
             batched_scales=_rounded(scale) if _stretched(scale) else None,
-            batched_colors=_linear(things.colour),
+            batched_colors=as_light(things.colour),
             lod="off",
+            cast_shadow=len(things.mesh) <= _CASTERS,
             side="double" if len(triangles) < 4 else "front",
         )
 
@@ -57,7 +60,7 @@ class _Batch:
             if self._node.batched_scales is not None:
                 self._node.batched_scales = _rounded(scale)
         if not np.array_equal(things.colour, old.colour):
-            self._node.batched_colors = _linear(things.colour)
+            self._node.batched_colors = as_light(things.colour)
         if self._way.any():
             self._way = np.zeros(3)
             self._node.position = self._way
@@ -142,7 +145,7 @@ def _rounded(values: Array) -> NDArray[np.float32]:
     return (np.rint(values / _ROUND_M) * _ROUND_M).astype(np.float32)
 
 
-def _linear(colour: Array) -> NDArray[np.uint8]:
+def as_light(colour: NDArray[Any]) -> NDArray[np.uint8]:
     """Colours (n, 3) 0..255 as light: the browser multiplies instances' colours before it makes them ready to show."""
     return np.rint(255.0 * (colour / 255.0) ** 2.2).astype(np.uint8)
 

@@ -5,6 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..envs.belief import Belief
+from .marks import BELIEVED, CHOSEN, PICKED, TRUE
+from .reel import Look
 from .seat import Entry
 
 INK, DIM, LINE = "#1c2530", "#66717d", "#e3e7eb"
@@ -137,3 +144,57 @@ def course(logs: Sequence[Sequence[Entry]], end_s: float, points: int = 120) -> 
         values = [0.0, *(entry.scorecard["net_rate"] for entry in log)]
         rows.append([values[bisect_right(ends, time)] for time in times])
     return times, rows
+
+
+def features(rows: Sequence[tuple[str, str, str]]) -> str:
+    """What policies are shown of a candidate."""
+    return boxed(
+        table(
+            ["feature", "value"],
+            [
+                [f'{escape(name)} <span style="color:{DIM};font-size:11px">{escape(doc)}</span>', escape(value)]
+                for name, value, doc in rows
+            ],
+        )
+    )
+
+
+def opinions(rows: Sequence[tuple[str, str, str]]) -> str:
+    """What each policy would do, and how sure it is."""
+    return boxed(
+        table(["policy", "would do"], [[escape(n), f"{escape(what)} {escape(sure)}"] for n, what, sure in rows])
+    )
+
+
+def key() -> str:
+    """What the marks in the scene mean."""
+    words = (
+        (BELIEVED, "believed"),
+        (CHOSEN, "the policy's choice"),
+        (PICKED, "yours"),
+        *zip(TRUE.values(), ("true", "done", "lost"), strict=True),
+    )
+    return boxed(
+        " ".join(
+            '<span style="white-space:nowrap"><span style="display:inline-block;width:9px;height:9px;'
+            f'border-radius:5px;border:1px solid #999;background:rgb{colour};margin-right:3px"></span>{word}</span>'
+            for colour, word in words
+        )
+    )
+
+
+def seen(look: Look, belief: Belief | None) -> NDArray[np.uint8]:
+    """A camera's picture with circles where candidates are believed to be."""
+    picture = look.frame.rgb.copy()
+    if belief is None:
+        return picture
+    intrinsics, world_from_camera = look.frame.camera
+    places = belief.slot_m[np.isfinite(belief.slot_m).all(axis=1)]
+    rays = (places - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]
+    for x, y, z in rays.tolist():
+        if z > 0.05:
+            u, v = intrinsics[0, 0] * x / z + intrinsics[0, 2], intrinsics[1, 1] * y / z + intrinsics[1, 2]
+            radius = max(4.0, intrinsics[0, 0] * belief.size_m / z)
+            if abs(u) < 1e4 and abs(v) < 1e4:
+                cv2.circle(picture, (round(u), round(v)), round(radius), BELIEVED, 2, cv2.LINE_AA)
+    return picture

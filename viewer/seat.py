@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 
 from ..agents.policies.base import Policy, act_single
+from ..agents.policies.layout import layout_of
+from ..envs.belief import Belief
 from .reel import Reel, Scene, Watching
 
 
@@ -53,6 +55,8 @@ class Seat:
         scorecard: as it stands.
         over: whether the episode has ended.
         choice: what the policy would do next; None when the episode has ended.
+        layout: how its actions divide.
+        belief: what the machine believes now; None where the task does not say.
     """
 
     def __init__(self, env: gym.Env[Any, Any], policy: Policy):
@@ -63,6 +67,8 @@ class Seat:
         self.scorecard: dict[str, float] = {}
         self.observation: dict[str, Any] = {}
         self.over, self.choice = True, None
+        self.layout = layout_of(env)
+        self.belief: Belief | None = None
         self._inner: Any = env.unwrapped
         self._reel: Reel | None = None
         self._rate, self._count = 30.0, 0
@@ -157,6 +163,9 @@ class Seat:
         self.env.close()
 
     def _choose(self) -> None:
+        """Note what is believed, and what the policy makes of it."""
+        tell = self._inner.assembly.belief
+        self.belief = None if tell is None else tell(self._inner.core)
         self.choice = None if self.over else act_single(self.policy, self.observation)
 
     def _step(self, hand: Callable[[Scene], None]) -> Any:

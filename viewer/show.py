@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..rendering.renderer import SUN
+from .choices import choice_of
 from .desk import Desk
+from .marks import Marks
 from .mirror import Mirror
 from .play import Play
 from .reel import Scene
@@ -25,6 +27,8 @@ _LONGEST_S = 0.1
 """A turn of the loop carries time on by this at most: what computes slower than it plays plays slower."""
 _APART_M = 3.0
 """Between two machines side by side."""
+_NEAR = 2.5
+"""A click means a candidate within so many times the size of its mark."""
 
 
 class Viewer:
@@ -38,6 +42,7 @@ class Viewer:
         bound: what no policy can beat on this field, as parts of a scorecard; None where nobody knows.
         running: whether time goes on.
         now_s: simulated time.
+        picked: slot of the first seat's candidates that a person looks at.
         updates: scenes that were shown so far.
     """
 
@@ -67,13 +72,21 @@ class Viewer:
         self.updates = 0
         self._make_seat = make_seat
         self._mirrors: list[Mirror] = []
+        self._marks: list[Marks] = []
+        self.picked: int | None = None
         self.now_s = 0.0
-        self._single = False
+        self._single, self._loads = False, 0
+        self._hidden = frozenset({"true"})
         self._orders: queue.Queue[Callable[[], None]] = queue.Queue()
         self._closing = threading.Event()
         self.server = viser.ViserServer(host=host, port=port, label="fieldgym", verbose=False)
         _light(self.server.scene)
         self.desk = Desk(self.server, self)
+
+        @self.server.scene.on_click()
+        def _(event: Any) -> None:
+            self.order(lambda: self.pick_along(event.ray_origin, event.ray_direction))
+
         self.load(play)
 
     @property
@@ -95,23 +108,34 @@ class Viewer:
         Raises:
             ValueError: something of it does not exist; what was played before goes on.
         """
+        framed = 0
         names = [play.policy, *([play.against] if play.against else [])]
         if fresh:
             seats = [self._make_seat(play, name) for name in names]
+            framed = len(self.seats)
             for seat in self.seats:
                 seat.close()
             for mirror in self._mirrors:
                 mirror.remove()
-            self.seats, self._mirrors = seats, []
+            self.seats, self._mirrors, self._marks = seats, [], []
         self.play, self._single, self.running = play, False, False
         scenes = [seat.begin(lambda env: _reset(env, play)) for seat in self.seats]
         self.now_s = max(seat.now_s for seat in self.seats)
         if fresh:
+            # Names are not used again: a page may hear of their removal late.
+            self._loads += 1
             aside = _aside(scenes[0])
-            self._mirrors = [Mirror(self.server.scene, f"/seat{k}", k * _APART_M * aside) for k in range(len(scenes))]
-            self._aim(scenes[0], 0.5 * (len(scenes) - 1) * _APART_M * aside)
+            self._mirrors = [
+                Mirror(self.server.scene, f"/seat{self._loads}-{k}", k * _APART_M * aside) for k in range(len(scenes))
+            ]
+            self._marks = [Marks(self.server.scene, mirror.name) for mirror in self._mirrors]
+            if len(scenes) != framed:
+                self._aim(scenes[0], 0.5 * (len(scenes) - 1) * _APART_M * aside)
         for mirror, scene in zip(self._mirrors, scenes, strict=True):
             self._show(mirror, scene)
+        self.picked = None
+        for k in range(len(self.seats)):
+            self.mark(k)
         self.desk.loaded()
 
     def set_running(self, running: bool) -> None:
@@ -128,6 +152,49 @@ class Viewer:
             first.start(self._rate, action)
         self.running = self._single = True
         self.desk.running()
+
+    def pick(self, slot: int | None) -> None:
+        """Look at a candidate of the first seat."""
+        self.picked = slot
+        self.mark(0)
+        self.desk.picked()
+
+    def pick_along(self, origin: Any, direction: Any) -> None:
+        """Look at the candidate of the first seat that is nearest to a ray in the page."""
+        belief, middle = self.seats[0].belief, self._mirrors[0].middle
+        if belief is None or middle is None or self.seats[0].busy:
+            return
+        root = self._mirrors[0].place - middle
+        way = belief.slot_m + root - np.asarray(origin, np.float64)
+        ray = np.asarray(direction, np.float64) / np.linalg.norm(direction)
+        along = way @ ray
+        off = np.linalg.norm(way - along[:, None] * ray, axis=1)
+        off[~np.isfinite(off) | (along < 0.0)] = np.inf
+        nearest = int(off.argmin())
+        self.pick(nearest if off[nearest] < _NEAR * belief.size_m else None)
+
+    def show_marks(self, what: str, shown: bool) -> None:
+        """Show or hide a kind of marks."""
+        self._hidden = (self._hidden - {what}) if shown else (self._hidden | {what})
+        for marks in self._marks:
+            marks.set_shown(what, shown)
+
+    def mark(self, k: int) -> None:
+        """Show what a seat believes and has chosen."""
+        seat, marks = self.seats[k], self._marks[k]
+        for what in marks.shown:
+            marks.shown[what] = what not in self._hidden
+        if seat.belief is not None:
+            chosen = None if seat.choice is None else choice_of(seat.choice, seat.layout, seat.belief)
+            with self.server.atomic():
+                marks.show(
+                    seat.belief,
+                    None if chosen is None else chosen.slot,
+                    self.picked if k == 0 else None,
+                    "" if chosen is None else f"{seat.policy.name}: {chosen.text}",
+                    seat.now_s,
+                )
+                marks.look(seat.watching.looks)
 
     @property
     def over(self) -> bool:
@@ -189,12 +256,15 @@ class Viewer:
                     break
                 newest = seat.finish() or newest
                 self.desk.decided()
+                self.picked = None if k == 0 else self.picked
+                self.mark(k)
                 if k == 0 and self._single:
-                    now_s = max(self.now_s, min(now_s, seat.now_s))
+                    self.now_s = now_s = max(self.now_s, min(now_s, seat.now_s))
                     self.set_running(False)
                     break
             if newest is not None:
                 self._show(mirror, newest)
+            self._marks[k].go_on(now_s)
         self.now_s = now_s
         self.desk.tick()
         if self.over:
@@ -205,14 +275,15 @@ class Viewer:
             mirror.show(scene)
         self.updates += 1
 
-    def _aim(self, scene: Scene, aside: Any) -> None:
-        """Point the pages' cameras as a picture's would be."""
-        away = (scene.eye - scene.middle) * (1.1 if len(self.seats) == 1 else 2.3)
+    def _aim(self, scene: Scene, middle: Any) -> None:
+        """Point the pages' cameras as a picture's would be; with two machines from farther, beside the panel."""
+        alone = len(self.seats) == 1
+        away = (scene.eye - scene.middle) * (1.1 if alone else 3.0)
+        place = middle + (0.0 if alone else 0.5) * _aside(scene)
         camera = self.server.initial_camera
-        camera.position, camera.look_at = aside + away, aside
-        camera.fov = scene.view_rad
+        camera.position, camera.look_at, camera.fov = place + away, place, scene.view_rad
         for client in self.server.get_clients().values():
-            client.camera.position, client.camera.look_at = aside + away, aside
+            client.camera.position, client.camera.look_at = place + away, place
 
 
 def _light(scene: Any) -> None:

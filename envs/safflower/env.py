@@ -21,6 +21,7 @@ PICKER: Assembly[Any] = Assembly(
     measured=lambda config: PerceptionModel.measured(config.scenario.camera_fit),
     machine=later("fieldgym.envs.safflower.machine:PyBulletPicker"),
     view=later("fieldgym.envs.safflower.view:PickerView"),
+    belief=later("fieldgym.envs.safflower.belief:belief"),
     within_motors=within_motors,
     settings={"slots": "slots"},
 )

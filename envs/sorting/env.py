@@ -21,6 +21,7 @@ SORTER: Assembly[Any] = Assembly(
     measured=lambda config: PerceptionModel.measured(),
     machine=later("fieldgym.envs.sorting.machine:PyBulletSorter"),
     view=later("fieldgym.envs.sorting.view:SorterView"),
+    belief=later("fieldgym.envs.sorting.belief:belief"),
     within_motors=within_motors,
     settings={"slots": "slots"},
 )

@@ -31,6 +31,7 @@ TRANSPLANTER: Assembly[Any] = Assembly(
     measured=lambda config: PerceptionModel.measured(config.scenario.source, config.scenario.target),
     machine=later("fieldgym.envs.transplanting.machine:PyBulletTransplanter"),
     view=later("fieldgym.envs.transplanting.view:TransplantView"),
+    belief=later("fieldgym.envs.transplanting.belief:belief"),
     within_motors=within_motors,
     settings={"motion": "machine.motion", "source_tray": _with_source, "target_tray": _with_target},
 )

@@ -32,6 +32,7 @@ HOE: Assembly[Any] = Assembly(
     measured=lambda config: uncorrected(PerceptionModel.measured()),
     machine=later("fieldgym.envs.weeding.tools.hoe.machine:PyBulletHoe"),
     view=later("fieldgym.envs.weeding.tools.hoe.view:HoeView"),
+    belief=later("fieldgym.envs.weeding.belief:belief"),
     within_motors=within_motors,
     settings={"slots": "slots"},
     fixed={"speed_control": False},

@@ -33,6 +33,7 @@ LASER: Assembly[Any] = Assembly(
     measured=lambda config: PerceptionModel.measured(),
     machine=later("fieldgym.envs.weeding.tools.laser.machine:PyBulletWeeder"),
     view=later("fieldgym.envs.weeding.tools.laser.view:WeederView"),
+    belief=later("fieldgym.envs.weeding.belief:belief"),
     within_motors=within_motors,
     settings={"slots": "slots"},
     fixed={"speed_control": False},
