@@ -22,29 +22,22 @@ def label_regions(mask: np.ndarray, wrap: tuple[int, ...] = ()) -> np.ndarray:
         Integers of the same shape: 0 where ``mask`` is false, parts numbered 1, 2, ... in the order of their first
         cells.
     """
-    root = np.arange(mask.size).reshape(mask.shape)
-    flat = root.reshape(-1)
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    cells = np.arange(mask.size).reshape(mask.shape)
     edges = []
     for axis in range(mask.ndim):
         count = mask.shape[axis] - (0 if axis in wrap else 1)
-        first = np.take(root, np.arange(count), axis)
-        second = np.take(root, np.arange(1, count + 1), axis, mode="wrap")
+        first = np.take(cells, np.arange(count), axis)
+        second = np.take(cells, np.arange(1, count + 1), axis, mode="wrap")
         both = mask.reshape(-1)[first] & mask.reshape(-1)[second]
         edges.append(np.stack([first[both], second[both]]))
     left, right = np.concatenate(edges, axis=1)
-    # Union by the smaller root with pointer jumping: every round at least halves the trees that still touch.
-    while len(left):
-        a, b = flat[left], flat[right]
-        np.minimum.at(flat, np.maximum(a, b), np.minimum(a, b))
-        while True:
-            jumped = flat[flat]
-            if np.array_equal(jumped, flat):
-                break
-            flat[:] = jumped
-        apart = flat[left] != flat[right]
-        left, right = left[apart], right[apart]
+    graph = coo_array((np.ones(len(left), bool), (left, right)), shape=(mask.size, mask.size))
+    _, part = connected_components(graph, directed=False)
     labels = np.zeros(mask.shape, dtype=int)
-    labels[mask] = np.unique(root[mask], return_inverse=True)[1].reshape(-1) + 1
+    labels[mask] = np.unique(part.reshape(mask.shape)[mask], return_inverse=True)[1].reshape(-1) + 1
     return labels
 
 

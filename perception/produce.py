@@ -70,15 +70,7 @@ class Produce(NamedTuple):
 
     def where(self, chosen: NDArray[np.bool_]) -> Produce:
         """Only the chosen ones (n,)."""
-        return Produce(
-            self.position[chosen],
-            self.yaw[chosen],
-            self.tilt[chosen],
-            self.azimuth[chosen],
-            self.axes_m[chosen],
-            self.grade[chosen],
-            self.hue_deg[chosen],
-        )
+        return Produce(*(column[chosen] for column in self))
 
 
 class Belt(NamedTuple):

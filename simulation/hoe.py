@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
 from ..motion.orientation import axes, from_euler
-from .client import PhysicsClient, pybullet
+from .client import pybullet
 from .closed_loop import Body
 from .hoe_model import HoeParameters
 from .prrs import PrrsMachine, PrrsResult
@@ -24,15 +24,8 @@ YIELD_M_S = 0.02
 class HoeMachine(PrrsMachine):
     """The 3-PRRS with its hoe. Poses are relative to the cart, in whose frame it is simulated."""
 
+    numbers = HoeParameters
     parameters: HoeParameters
-
-    def __init__(
-        self,
-        parameters: HoeParameters | None = None,
-        client: PhysicsClient | None = None,
-    ) -> None:
-        """Build the machine in its home pose; see ``PrrsMachine``. ``parameters`` default to ``HoeParameters()``."""
-        super().__init__(parameters or HoeParameters(), client)
 
     def tip_world(self) -> Array:
         """Middle of the blade's underside (3,) in the world."""

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .assets import asset_path
 from .client import PhysicsClient
-from .closed_loop import ClosedLoopMachine
+from .closed_loop import Array, Body, ClosedLoopMachine, Closure, Motor
+from .urdf import Robot
 
 MachineT = TypeVar("MachineT", bound="LoopMachine")
 
@@ -30,28 +30,69 @@ class LostMachineError(ValueError):
 class LoopMachine:
     """A closed-loop machine in a world of its own, or in one that was lent.
 
-    Usable as a context manager. A subclass makes ``_machine`` in its constructor.
+    Usable as a context manager. A subclass says ``numbers`` and makes ``_machine`` in ``_build``.
 
     Attributes:
         parameters: the numbers that it was built from.
         client: the world that it lives in; it holds nothing else unless it was lent.
     """
 
+    numbers: ClassVar[type]
+    """Class of the parameters."""
+    world: ClassVar[Mapping[str, Any]] = {}
+    """Further arguments of a ``PhysicsClient`` of its own."""
     parameters: Any
     _machine: ClosedLoopMachine
 
-    def __init__(self, parameters: Any, client: PhysicsClient | None, **own: Any) -> None:
-        """Enter the world.
+    def __init__(self, parameters: Any = None, client: PhysicsClient | None = None) -> None:
+        """Enter the world and build the machine there.
 
         Args:
-            parameters: the machine's numbers; ``physics_hz`` is the rate of a world of its own.
-            client: a world to build in; the machine makes its own, and closes it, where this is None.
-            **own: further arguments of a ``PhysicsClient`` of its own.
+            parameters: its numbers, by default those of its class; ``physics_hz`` is the rate of a world of its own.
+            client: a world to build in; the machine makes its own, and closes it, where this is left out.
         """
-        self.parameters = parameters
+        self.parameters = parameters or self.numbers()
         self._owns_client = client is None
-        self.client = client or PhysicsClient(parameters.physics_hz, **own)
+        self.client = client or PhysicsClient(self.parameters.physics_hz, **self.world)
         self._open = True
+        self._build()
+
+    def _build(self) -> None:
+        """Make ``_machine`` and put it where it begins."""
+        raise NotImplementedError
+
+    def _build_tree(
+        self, asset: str, robot: Callable[[Any], Robot], closures: Sequence[Closure], motors: Sequence[Motor]
+    ) -> None:
+        """Make ``_machine`` of one tree: of the shipped URDF where its numbers are the shipped ones."""
+        shipped = asset if self.parameters == self.numbers() else None
+        with urdf_file(shipped, lambda: robot(self.parameters).to_xml()) as path:
+            body = Body(Path(asset).stem, path)
+            self._machine = ClosedLoopMachine(self.client, [body], closures, motors)
+
+    def _follow(
+        self,
+        targets: Array,
+        look: Callable[[int], None],
+        on_step: Callable[[int], None] | None,
+        measure: bool,
+    ) -> float:
+        """Drive the motors along ``targets`` (n, motors); ``look`` at every row that is reached, or at the last alone.
+
+        Returns:
+            Simulated seconds.
+        """
+        last = len(targets) - 1
+
+        def watch(row: int) -> None:
+            look(row)
+            if on_step is not None:
+                on_step(row)
+
+        self._machine.follow(targets, watch if measure else on_step)
+        if not measure or last == 0:
+            look(last)
+        return last * self.client.step_s
 
     @property
     def body_id(self) -> int:
@@ -71,9 +112,7 @@ class LoopMachine:
         """Return the machine itself."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Close."""
         self.close()
 

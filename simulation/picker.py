@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
 from ..motion import StoppedPath
-from .client import PhysicsClient
-from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
-from .machine import LoopMachine, urdf_file
+from .closed_loop import Closure, Motor
+from .machine import LoopMachine
 from .motion_result import Maxima, MotionResult
 from .picker_model import JOINTS, PICKER_ASSET, PickerParameters, picker_joints, picker_robot
 
@@ -51,20 +51,12 @@ class PickerMachine(LoopMachine):
     Attributes as ``LoopMachine``.
     """
 
+    numbers = PickerParameters
+    world: ClassVar = {"solver_iterations": _SOLVER_ITERATIONS}
     parameters: PickerParameters
 
-    def __init__(
-        self,
-        parameters: PickerParameters | None = None,
-        client: PhysicsClient | None = None,
-    ) -> None:
-        """Build the machine with its cart at x = 0 and its arms hanging straight down.
-
-        Args:
-            parameters: defaults to ``PickerParameters()``.
-            client: a world to build in; the machine makes its own, and closes it, where this is left out.
-        """
-        super().__init__(parameters or PickerParameters(), client, solver_iterations=_SOLVER_ITERATIONS)
+    def _build(self) -> None:
+        """With the cart at x = 0 and the arms hanging straight down."""
         bar = self.parameters.five_bar
         wrists = ((0.0, -bar.half_platform_m, bar.tool_drop_m), (0.0, bar.half_platform_m, bar.tool_drop_m))
         closures = [
@@ -73,9 +65,7 @@ class PickerMachine(LoopMachine):
         p = self.parameters
         torque, thrust = p.arm_torque_limit_n_m - p.arm_friction_n_m, p.cart_force_limit_n - p.cart_friction_n
         motors = [Motor("cart", thrust), *(Motor(arm, torque, p.arm_damping_n_m_s) for arm in MOTORS[1:])]
-        shipped = PICKER_ASSET if self.parameters == PickerParameters() else None
-        with urdf_file(shipped, lambda: picker_robot(self.parameters).to_xml()) as path:
-            self._machine = ClosedLoopMachine(self.client, [Body("picker", path)], closures, motors)
+        self._build_tree(PICKER_ASSET, picker_robot, closures, motors)
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, bar.forward([-0.5 * np.pi, -0.5 * np.pi]))
 
@@ -120,22 +110,17 @@ class PickerMachine(LoopMachine):
         wanted = self._to_world(carts, tools)
         self._require_start(float(np.linalg.norm(wanted[0] - self.tool_world())))
         seen = Maxima(self._machine, 2, len(MOTORS))
-        last = len(carts) - 1
 
-        def watch(row: int) -> None:
-            if measure:
-                self._look(seen, wanted[row])
-            if on_step is not None:
-                on_step(row)
+        def look(row: int) -> None:
+            error = self.tool_world() - wanted[row]
+            seen.look(abs(float(error[0])), float(np.hypot(error[1], error[2])))
 
-        self._machine.follow(targets, watch if measure else on_step)
-        if not measure or last == 0:
-            self._look(seen, wanted[last])
+        duration_s = self._follow(targets, look, on_step, measure)
         tool_m = self.tool_world()
         return PickerResult(
-            duration_s=last * self.client.step_s,
+            duration_s=duration_s,
             final_tool_m=tool_m,
-            final_error_m=float(np.linalg.norm(tool_m - wanted[last])),
+            final_error_m=float(np.linalg.norm(tool_m - wanted[-1])),
             cart_error_m=float(seen.errors[0]),
             arm_error_m=float(seen.errors[1]),
             closure_error_m=seen.closure_m,
@@ -166,10 +151,6 @@ class PickerMachine(LoopMachine):
         """World positions (n, 3) of tool centres (n, 2) at cart positions (n,)."""
         y = tools[:, 0] - 0.5 * self.parameters.five_bar.base_m
         return np.stack([carts, y, self.parameters.motor_height_m + tools[:, 1]], axis=-1)
-
-    def _look(self, seen: Maxima, wanted: Array) -> None:
-        error = self.tool_world() - wanted
-        seen.look(abs(float(error[0])), float(np.hypot(error[1], error[2])))
 
 
 def fastest_gate(parameters: PickerParameters) -> tuple[Array, Array]:

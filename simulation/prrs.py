@@ -16,7 +16,7 @@ from ..mechanisms.errors import UnreachablePoseError
 from ..mechanisms.prrs_legs import LEG_ANGLES_RAD
 from ..motion.orientation import angle_between, from_euler
 from .assets import asset_path
-from .client import PhysicsClient, pybullet
+from .client import pybullet
 from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
 from .machine import START_TOLERANCE_M, LoopMachine, LostMachineError
 from .motion_result import Maxima, MotionResult
@@ -58,21 +58,11 @@ class PrrsMachine(LoopMachine):
     Poses are the mechanism's, (x, y, z, alpha, beta, gamma) in metres and radians, see ``ThreePRRS``; the world's
     origin lies on the floor under it.
 
-    Attributes as ``LoopMachine``; ``parameters`` are ``PrrsParameters``.
+    Attributes as ``LoopMachine``; ``parameters`` are ``PrrsParameters``, which know the URDFs too.
     """
 
-    def __init__(
-        self,
-        parameters: PrrsParameters,
-        client: PhysicsClient | None = None,
-    ) -> None:
-        """Build the machine in its home pose.
-
-        Args:
-            parameters: the machine's numbers; they know its URDFs too.
-            client: a world to build in; the machine makes its own, and closes it, where this is left out.
-        """
-        super().__init__(parameters, client)
+    def _build(self) -> None:
+        """In its home pose."""
         mechanism = self.parameters.mechanism
         base = (0.0, 0.0, self.parameters.origin_height_m)
         self._origin = np.array(base)
@@ -145,23 +135,20 @@ class PrrsMachine(LoopMachine):
                 "start at the last commanded pose, call reset(), or give stronger motors if the last motion's report "
                 "says that they were saturated"
             )
-        seen, last = Maxima(self._machine, 2, len(MOTORS)), len(poses) - 1
+        seen = Maxima(self._machine, 2, len(MOTORS))
 
-        def watch(row: int) -> None:
-            if measure:
-                self._look(seen, poses[row, :3], quaternions[row])
-            if on_step is not None:
-                on_step(row)
+        def look(row: int) -> None:
+            at, turned = self.platform()
+            apart = np.linalg.norm(at - poses[row, :3]), angle_between(turned, quaternions[row])
+            seen.look(float(apart[0]), float(apart[1]))
 
-        self._machine.follow(targets, watch if measure else on_step)
-        if not measure or last == 0:
-            self._look(seen, poses[last, :3], quaternions[last])
+        duration_s = self._follow(targets, look, on_step, measure)
         position, quaternion = self.platform()
         return PrrsResult(
-            duration_s=last * self.client.step_s,
+            duration_s=duration_s,
             final_position_m=position,
             final_quaternion=quaternion,
-            final_error_m=float(np.linalg.norm(position - poses[last, :3])),
+            final_error_m=float(np.linalg.norm(position - poses[-1, :3])),
             position_error_m=float(seen.errors[0]),
             angle_error_rad=float(seen.errors[1]),
             closure_error_m=seen.closure_m,
@@ -204,10 +191,6 @@ class PrrsMachine(LoopMachine):
         base = pybullet.multiplyTransforms(position.tolist(), quaternion[[1, 2, 3, 0]].tolist(), *self._to_mass)
         self._machine.reset(joints[self._order], {"platform": base})
         return joints
-
-    def _look(self, seen: Maxima, position: Array, quaternion: Array) -> None:
-        at, turned = self.platform()
-        seen.look(float(np.linalg.norm(at - position)), float(angle_between(turned, quaternion)))
 
 
 @contextmanager

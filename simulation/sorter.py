@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .client import PhysicsClient, pybullet
+from .client import pybullet
 from .prrs import PrrsMachine
 from .sorter_model import SorterParameters
 
@@ -16,15 +16,8 @@ ITEM_RADIUS_M = 0.03
 class SorterMachine(PrrsMachine):
     """The 3-PRRS over the belt; the world's origin lies on the floor under it."""
 
+    numbers = SorterParameters
     parameters: SorterParameters
-
-    def __init__(
-        self,
-        parameters: SorterParameters | None = None,
-        client: PhysicsClient | None = None,
-    ) -> None:
-        """Build the machine in its home pose; see ``PrrsMachine``. ``parameters`` default to ``SorterParameters()``."""
-        super().__init__(parameters or SorterParameters(), client)
 
     def reset(self, pose: ArrayLike) -> None:
         """``place`` the machine, with nothing in its fingers, and have its motors hold it there."""

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
 from ..motion import Gate
-from .client import PhysicsClient, pybullet
-from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
-from .machine import LoopMachine, urdf_file
+from .client import pybullet
+from .closed_loop import Closure, Motor
+from .machine import LoopMachine
 from .motion_result import MotionResult
 from .transplanter_model import (
     JOINTS,
@@ -55,29 +56,19 @@ class TransplanterMachine(LoopMachine):
     Attributes as ``LoopMachine``.
     """
 
+    numbers = TransplanterParameters
+    world: ClassVar = {"solver_iterations": _SOLVER_ITERATIONS}
     parameters: TransplanterParameters
 
-    def __init__(
-        self,
-        parameters: TransplanterParameters | None = None,
-        client: PhysicsClient | None = None,
-    ) -> None:
-        """Build the machine with its tool in the middle of its window's lower edge.
-
-        Args:
-            parameters: defaults to ``TransplanterParameters()``.
-            client: a world to build in; the machine makes its own, and closes it, where this is left out.
-        """
-        super().__init__(parameters or TransplanterParameters(), client, solver_iterations=_SOLVER_ITERATIONS)
+    def _build(self) -> None:
+        """With the tool in the middle of its window's lower edge."""
         p = self.parameters
         closures = [
             Closure(f"forearm{leg}", (0.0, p.arm.forearm_m, 0.0), "platform", (0.0, side * p.half_platform_m, 0.0))
             for leg, side in ((1, 1.0), (2, -1.0))
         ]
         motors = [Motor(name, p.torque_limit_n_m - p.friction_n_m, p.damping_n_m_s) for name in MOTORS]
-        shipped = PHYSICS_ASSET if p == TransplanterParameters() else None
-        with urdf_file(shipped, lambda: transplanter_robot(p).to_xml()) as path:
-            self._machine = ClosedLoopMachine(self.client, [Body("transplanter", path)], closures, motors)
+        self._build_tree(PHYSICS_ASSET, transplanter_robot, closures, motors)
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self._payload_kg = 0.0
         joints = range(pybullet.getNumJoints(self.body_id, physicsClientId=self.client.id))
@@ -144,21 +135,13 @@ class TransplanterMachine(LoopMachine):
             closure.append(self._machine.closure_error_m())
             torques.append(self._machine.motor_efforts())
 
-        def watch(row: int) -> None:
-            look(row)
-            if on_step is not None:
-                on_step(row)
-
-        self._machine.follow(targets, watch if measure else on_step)
-        last = len(tools) - 1
-        if not measure or last == 0:
-            look(last)
+        duration_s = self._follow(targets, look, on_step, measure)
         reached = self.tool()
         efforts = np.array(torques)
         return GateResult(
-            duration_s=last * self.client.step_s,
+            duration_s=duration_s,
             final_tool_m=reached,
-            final_error_m=float(np.linalg.norm(reached - tools[last])),
+            final_error_m=float(np.linalg.norm(reached - tools[-1])),
             tracking_error_m=max(tracking),
             closure_error_m=max(closure),
             torque_n_m=efforts,

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
-from .client import PhysicsClient, pybullet
-from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
-from .machine import LoopMachine, urdf_file
+from .client import pybullet
+from .closed_loop import Closure, Motor
+from .machine import LoopMachine
 from .weeder_model import JOINTS, WEEDER_ASSET, WeederParameters, weeder_joints, weeder_robot
 
 Array = NDArray[np.float64]
@@ -50,29 +50,18 @@ class WeederMachine(LoopMachine):
     Attributes as ``LoopMachine``.
     """
 
+    numbers = WeederParameters
     parameters: WeederParameters
 
-    def __init__(
-        self,
-        parameters: WeederParameters | None = None,
-        client: PhysicsClient | None = None,
-    ) -> None:
-        """Build the machine with its cart at x = 0 and the platform at home.
-
-        Args:
-            parameters: defaults to ``WeederParameters()``.
-            client: a world to build in; the machine makes its own, and closes it, where this is left out.
-        """
-        super().__init__(parameters or WeederParameters(), client)
+    def _build(self) -> None:
+        """With the cart at x = 0 and the platform at home."""
         mechanism = self.parameters.mechanism
         tips = [tuple(float(v) for v in joint) for joint in mechanism.attachments.platform]
         closures = [Closure(f"rod{leg}", (0.0, 0.0, 0.0), "platform", tips[leg - 1]) for leg in (1, 2, 3)]  # type: ignore[arg-type]
         p = self.parameters
         force, thrust = p.leg_force_limit_n - p.leg_friction_n, p.cart_force_limit_n - p.cart_friction_n
         motors = [Motor("cart", thrust), *(Motor(name, force, p.leg_damping_n_s_m) for name in MOTORS[1:])]
-        shipped = WEEDER_ASSET if self.parameters == WeederParameters() else None
-        with urdf_file(shipped, lambda: weeder_robot(self.parameters).to_xml()) as path:
-            self._machine = ClosedLoopMachine(self.client, [Body("weeder", path)], closures, motors)
+        self._build_tree(WEEDER_ASSET, weeder_robot, closures, motors)
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, mechanism.home_pose)
 
