@@ -48,7 +48,12 @@ def told(error: BaseException) -> str:
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not _passed(frame.filename)]
     frames = [frame for frame in frames if not frame.filename.startswith(_INSTALLED)] or frames
     where = f"{frames[-1].filename}, line {frames[-1].lineno}: " if frames else ""
-    return where + " ".join(f"{type(error).__name__}: {error}".split())
+    return where + in_words(error)
+
+
+def in_words(error: BaseException) -> str:
+    """Kind and message of an exception, in one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def digest_of_files(*paths: Path) -> str:

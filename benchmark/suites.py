@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ..agents.foreign import in_words
 from ..agents.sources import REGISTERED, PolicySource, policy_names, policy_source, task_code
 from ..envs.task import TaskSpec, task, tasks
 from .fields import FieldFile
@@ -279,8 +280,7 @@ def usable_tasks() -> list[TaskSpec]:
         try:
             spec.assembly  # noqa: B018  loads its code
         except Exception as error:
-            told = " ".join(f"{type(error).__name__}: {error}".split())
-            warnings.warn(f"task {spec.id!r} was left out: {told}", stacklevel=2)
+            warnings.warn(f"task {spec.id!r} was left out: {in_words(error)}", stacklevel=2)
         else:
             found.append(spec)
     return found

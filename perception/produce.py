@@ -70,7 +70,7 @@ class Produce(NamedTuple):
 
     def where(self, chosen: NDArray[np.bool_]) -> Produce:
         """Only the chosen ones (n,)."""
-        return Produce(*(column[chosen] for column in self))
+        return Produce._make(column[chosen] for column in self)
 
 
 class Belt(NamedTuple):

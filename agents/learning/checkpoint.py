@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from ...kernels.files import read_file, replaced
-from .runs import CheckpointError
+from .runs import CheckpointError, told_as_damage
 from .sb3 import NativeVecEnv
 
 FORMAT = 1
@@ -85,6 +85,7 @@ def read(path: Path) -> dict[str, Any]:
     return state
 
 
+@told_as_damage("the checkpoint")
 def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
     """Put a learner and its environment, made with the same settings, where the checkpoint was written.
 
@@ -92,16 +93,6 @@ def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
         CheckpointError: the environment or the network is not the one that the checkpoint was written with, or a
             part of it is damaged.
     """
-    try:
-        _restore(state, model, env)
-    except CheckpointError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RuntimeError) as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise CheckpointError(f"the checkpoint is damaged ({reason[:200]}): start without --resume") from None
-
-
-def _restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
     text = state["text"]
     _check_counts(text)
     _check_seen(state, env)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ...envs.references import resolved
 from ...kernels.files import read_file, replace_file
+from ..foreign import in_words
 from ..policies.network import FORMAT as NETWORK
 from ..policies.network import NetworkPolicy
 from ..policies.value_weights import FORMAT as SORTING_VALUE
@@ -122,8 +123,7 @@ def _told_of(path: Path) -> Iterator[None]:
     except PolicyFileError as error:
         raise PolicyFileError(f"{path}: {' '.join(str(error).split())}") from None
     except (TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError, RecursionError) as error:
-        told = " ".join(f"{type(error).__name__}: {error}".split())
-        raise PolicyFileError(f"{path}: its card or its weights are damaged ({told[:200]})") from None
+        raise PolicyFileError(f"{path}: its card or its weights are damaged ({in_words(error)[:200]})") from None
 
 
 def shipped(env_id: str, scenario: str | None = None) -> Path | None:

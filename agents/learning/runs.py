@@ -6,6 +6,8 @@ import json
 import math
 import platform
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,6 +15,7 @@ from typing import Any, Protocol
 from ... import __version__
 from ...kernels.files import replace_file
 from ..evaluation import Scores, evaluate, mean
+from ..foreign import in_words
 from .portable import Portable, save, task_digest
 from .train_settings import TrainSettings
 
@@ -37,6 +40,17 @@ def first_training_seed(seed: int) -> int:
 
 class CheckpointError(ValueError):
     """A checkpoint cannot be used; the message says why and what to do."""
+
+
+@contextmanager
+def told_as_damage(what: str) -> Iterator[None]:
+    """Make a ``CheckpointError`` of whatever the values of a damaged or strange checkpoint bring about."""
+    try:
+        yield
+    except CheckpointError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RuntimeError) as error:
+        raise CheckpointError(f"{what} is damaged ({in_words(error)[:200]}): start without --resume") from None
 
 
 class Log(Protocol):
@@ -147,15 +161,8 @@ class Journal:
         Raises:
             CheckpointError: it is of a run with other settings, of another task or seed.
         """
-        try:
+        with told_as_damage(f"the checkpoint in {self.folder}"):
             self._restore(run)
-        except CheckpointError:
-            raise
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            told = " ".join(f"{type(error).__name__}: {error}".split())
-            raise CheckpointError(
-                f"the checkpoint in {self.folder} is damaged ({told[:200]}): start without --resume"
-            ) from None
 
     def _restore(self, run: dict[str, Any]) -> None:
         before, now = dict(run["settings"]), self.settings.as_dict()

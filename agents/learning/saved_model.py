@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..foreign import in_words
 from ..policies.base import Actions, Observation, StatelessPolicy
 from ..policies.weights import PolicyFileError
 
@@ -48,8 +49,8 @@ def load_model(path: Path, env: Any) -> SavedModelPolicy:
         policy = data["policy_class"](*spaces, lambda _: 0.0, **data["policy_kwargs"])
         policy.load_state_dict(parameters["policy"])
     except Exception as error:  # whatever unpickling a file that is something else brings
-        told = " ".join(f"{type(error).__name__}: {error}".split())
-        raise PolicyFileError(f"{path} cannot be loaded as a model of Stable-Baselines3 ({told[:200]})") from error
+        told = in_words(error)[:200]
+        raise PolicyFileError(f"{path} cannot be loaded as a model of Stable-Baselines3 ({told})") from error
     if spaces != (core.observation_space, core.action_space):
         raise PolicyFileError(
             f"{path} was trained on other observations or actions than those of {env.unwrapped.spec.id}"
