@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 from .record import Record
 from .suites import BOUND
@@ -82,76 +82,55 @@ def _number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _number_or_none(value: Any) -> bool:
-    return value is None or _number(value)
-
-
-def _count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
-
-
-def _text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _named(value: Any) -> bool:
-    return _text(value) and value != ""
-
-
-def _mapping(value: Any) -> bool:
-    return isinstance(value, Mapping)
-
-
-def _scores(value: Any) -> bool:
-    return _mapping(value) and all(_number_or_none(item) for item in value.values())
-
-
 def _numbers(value: Any) -> bool:
     return isinstance(value, list) and all(_number(item) for item in value)
 
 
-def _pairs(value: Any) -> bool:
-    return isinstance(value, list) and all(_numbers(item) and len(item) == 2 for item in value)
+class _Kind(NamedTuple):
+    """What a value must be, and that in words."""
+
+    holds: Callable[[Any], bool]
+    words: str
 
 
-_IDENTITY: dict[str, tuple[Any, str]] = {
-    "env_id": (lambda value: _text(value) and _ID.fullmatch(value), "an id"),
-    "scenario": (_named, "text"),
-    "backend": (_named, "text"),
-    "perception": (_named, "text"),
-    "policy": (_named, "text"),
-    "seed": (_count, "a whole number from 0 on"),
+_NUMBER = _Kind(_number, "a number")
+_KNOWN = _Kind(lambda value: value is None or _number(value), "a number")
+_COUNT = _Kind(
+    lambda value: isinstance(value, int) and not isinstance(value, bool) and value >= 0, "a whole number from 0 on"
+)
+_FLAG = _Kind(lambda value: isinstance(value, bool), "true or false")
+_TEXT = _Kind(lambda value: isinstance(value, str), "text")
+_NAME = _Kind(lambda value: isinstance(value, str) and value != "", "text")
+_OBJECT = _Kind(lambda value: isinstance(value, Mapping), "an object")
+_SCORES = _Kind(
+    lambda value: isinstance(value, Mapping) and all(map(_KNOWN.holds, value.values())), "an object of numbers"
+)
+_NUMBERS = _Kind(_numbers, "a list of numbers")
+_PAIRS = _Kind(
+    lambda value: isinstance(value, list) and all(_numbers(item) and len(item) == 2 for item in value),
+    "a list of pairs of numbers",
+)
+
+_IDENTITY = {
+    "env_id": _Kind(lambda value: isinstance(value, str) and _ID.fullmatch(value) is not None, "an id"),
+    **dict.fromkeys(("scenario", "backend", "perception", "policy"), _NAME),
+    "seed": _COUNT,
 }
-_EPISODE: dict[str, tuple[Any, str]] = {
-    "return": (_number_or_none, "a number"),
-    "steps": (_count, "a whole number from 0 on"),
-    "scorecard": (_scores, "an object of numbers"),
-    "wall_s": (_number, "a number"),
-    "decision_s": (_number, "a number"),
+_EPISODE = {"return": _KNOWN, "steps": _COUNT, "scorecard": _SCORES, "wall_s": _NUMBER, "decision_s": _NUMBER}
+_BOUND = {"bound": _OBJECT, "wall_s": _NUMBER}
+_BOUND_VALUES = {"net_rate": _KNOWN, "episode_return": _KNOWN, "curve": _PAIRS}
+_SPECIAL = {
+    "changes": _OBJECT,
+    **dict.fromkeys(("fields", "field", "field_digest", "source", "task_source"), _NAME),
+    "error": _TEXT,
 }
-_BOUND: dict[str, tuple[Any, str]] = {"bound": (_mapping, "an object"), "wall_s": (_number, "a number")}
-_BOUND_VALUES: dict[str, tuple[Any, str]] = {
-    "net_rate": (_number_or_none, "a number"),
-    "episode_return": (_number_or_none, "a number"),
-    "curve": (_pairs, "a list of pairs of numbers"),
+_MAY = {
+    "rewards": _SCORES,
+    "terminated": _FLAG,
+    "curve": _NUMBERS,
+    **dict.fromkeys(("last_s", "decision_p95_ms", "decision_before_last_s"), _NUMBER),
 }
-_SPECIAL: dict[str, tuple[Any, str]] = {
-    "changes": (_mapping, "an object"),
-    **dict.fromkeys(("fields", "field", "field_digest", "source", "task_source"), (_named, "text")),
-    "error": (_text, "text"),
-}
-_MAY: dict[str, tuple[Any, str]] = {
-    "rewards": (_scores, "an object of numbers"),
-    "terminated": (lambda value: isinstance(value, bool), "true or false"),
-    "curve": (_numbers, "a list of numbers"),
-    **dict.fromkeys(("last_s", "decision_p95_ms", "decision_before_last_s"), (_number, "a number")),
-}
-_BOUND_MAY: dict[str, tuple[Any, str]] = {
-    "method": (_text, "text"),
-    "proven": (lambda value: isinstance(value, bool), "true or false"),
-    "gap": (_number_or_none, "a number"),
-    "cycle_time_s": (_number_or_none, "a number"),
-}
+_BOUND_MAY = {"method": _TEXT, "proven": _FLAG, "gap": _KNOWN, "cycle_time_s": _KNOWN}
 
 
 def _fault(found: Any, bounds: bool) -> str:
@@ -173,14 +152,14 @@ def _fault(found: Any, bounds: bool) -> str:
     return _first(found, _EPISODE, True) or _first(found, _MAY, False) or _inside(found)
 
 
-def _first(values: Any, wanted: Mapping[str, tuple[Any, str]], needed: bool) -> str:
+def _first(values: Any, wanted: Mapping[str, _Kind], needed: bool) -> str:
     """The first of the ``wanted`` entries that is missing (where it is needed) or of another kind, in words."""
-    for name, (right, kind) in wanted.items():
+    for name, kind in wanted.items():
         if name not in values:
             if needed:
                 return f"it has no {name}"
-        elif not right(values[name]):
-            return f"{name} is {_shown(values[name])}, not {kind}"
+        elif not kind.holds(values[name]):
+            return f"{name} is {_shown(values[name])}, not {kind.words}"
     return ""
 
 
@@ -207,8 +186,8 @@ def _manifest_fault(found: Any) -> str:
         return "it is no object"
     for name, value in found.items():
         if name in ("packages", "sources"):
-            if not (_mapping(value) and all(item is None or _text(item) for item in value.values())):
+            if not (_OBJECT.holds(value) and all(item is None or _TEXT.holds(item) for item in value.values())):
                 return f"{name} is {_shown(value)}, not an object of texts"
-        elif not (_text(value) or _number(value)):
+        elif not (_TEXT.holds(value) or _number(value)):
             return f"{name} is {_shown(value)}, not text"
     return ""

@@ -55,20 +55,20 @@ def _case_one(exact: Curves, printed: Curves) -> list[Finding]:
         statement(
             f"{place}(a), order",
             "leg 4 becomes the longest, leg 2 the shortest",
-            bool(_is_largest(length[1:], 3) and _is_smallest(length[1:], 1)),
+            _ordered(length[1:], 1, 3),
             f"l2, l1 = l3, l4 at t = 10 s: {length[-1, 1]:.3f}, {length[-1, 0]:.3f}, {length[-1, 3]:.3f} mm.",
         ),
         statement(
             f"{place}(b), order",
             "the velocity of leg 4 is the largest, of leg 2 always the smallest",
-            bool(_is_largest(rate, 3) and _is_smallest(rate, 1)),
+            _ordered(rate, 1, 3),
             f"v2, v1, v4: {rate[0, 1]:.4f}, {rate[0, 0]:.4f}, {rate[0, 3]:.4f} mm/s at t = 0 and "
             f"{rate[-1, 1]:.4f}, {rate[-1, 0]:.4f}, {rate[-1, 3]:.4f} mm/s at 10 s.",
         ),
         statement(
             f"{place}(c), order and sign",
             "the acceleration of leg 2 is the largest, of leg 4 the smallest, all above zero",
-            bool(_is_largest(acceleration, 1) and _is_smallest(acceleration, 3) and acceleration.min() > 0.0),
+            _ordered(acceleration, 3, 1) and bool(acceleration.min() > 0.0),
             f"a4 falls from {acceleration[0, 3]:.4f} to {acceleration[-1, 3]:.4f} mm/s2, "
             f"a2 from {acceleration[0, 1]:.4f} to {acceleration[-1, 1]:.4f} mm/s2.",
         ),
@@ -236,12 +236,10 @@ def _figures(exact: ThreeUPSRPU, printed: ThreeUPSRPU, first: Case, second: Case
     ]
 
 
-def _is_largest(curve: Array, leg: int) -> bool:
-    return bool(np.all(curve[:, leg : leg + 1] > np.delete(curve, leg, axis=1)))
-
-
-def _is_smallest(curve: Array, leg: int) -> bool:
-    return bool(np.all(curve[:, leg : leg + 1] < np.delete(curve, leg, axis=1)))
+def _ordered(curve: Array, smallest: int, largest: int) -> bool:
+    """Whether one leg's curve lies below all others everywhere, and another one above."""
+    below, above = (curve[:, [leg]] - np.delete(curve, leg, axis=1) for leg in (smallest, largest))
+    return bool(np.all(below < 0.0) and np.all(above > 0.0))
 
 
 def _strictly_between(curve: Array) -> bool:

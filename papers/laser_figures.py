@@ -2,48 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..mechanisms import ThreeUPSRPU
 from ..mechanisms.three_ups_rpu import SINGULAR_VALUE
+from .laser_model import Array, Curves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-Array = NDArray[np.float64]
 LEG_COLOURS = ("#c44e52", "#4c72b0", "#dd8452", "#55a868")
 UNITS = (("length", "mm"), ("velocity", "mm/s"), ("acceleration", "mm/s²"))
 
 
-class LegCurves(Protocol):
-    """Lengths, velocities and accelerations of four legs, (n, 4) each."""
-
-    @property
-    def lengths(self) -> Array:
-        """Millimetres."""
-        ...
-
-    @property
-    def velocities(self) -> Array:
-        """Millimetres a second."""
-        ...
-
-    @property
-    def accelerations(self) -> Array:
-        """Millimetres a second squared."""
-        ...
-
-
-def legs(canvas: Canvas, time: Array, exact: LegCurves, printed: LegCurves, panels: str) -> None:
+def legs(canvas: Canvas, time: Array, exact: Curves, printed: Curves, panels: str) -> None:
     """Three panels of Figure 5: solid lines for the exact orientation, dashed ones for the printed."""
     canvas.set_size_inches(10.0, 3.6)
-    for axes, panel, (name, unit), solid, dashed in zip(
-        _row(canvas), panels, UNITS, _three(exact), _three(printed), strict=True
-    ):
+    for axes, panel, (name, unit), solid, dashed in zip(_row(canvas), panels, UNITS, exact, printed, strict=True):
         for leg, colour in enumerate(LEG_COLOURS):
             # Leg 3 lies on leg 1 in case 1: thin over thick shows both.
             width = 3.2 if leg == 0 and np.allclose(solid[:, 0], solid[:, 2]) else 1.4
@@ -58,10 +36,10 @@ def legs(canvas: Canvas, time: Array, exact: LegCurves, printed: LegCurves, pane
     canvas.legend(handles, [*labels, "Ry Rx (exact)", "Rx Ry (printed)"], loc="outside lower center", ncols=6)
 
 
-def differences(canvas: Canvas, time: Array, exact: LegCurves, printed: LegCurves) -> None:
+def differences(canvas: Canvas, time: Array, exact: Curves, printed: Curves) -> None:
     """What the printed orientation changes in case 2."""
     canvas.set_size_inches(10.0, 3.4)
-    for axes, (name, unit), right, wrong in zip(_row(canvas), UNITS, _three(exact), _three(printed), strict=True):
+    for axes, (name, unit), right, wrong in zip(_row(canvas), UNITS, exact, printed, strict=True):
         for leg, colour in enumerate(LEG_COLOURS):
             axes.plot(time, (wrong - right)[:, leg], color=colour, lw=1.6, label=f"leg {leg + 1}")
         axes.axhline(0.0, color="0.4", lw=0.8)
@@ -84,25 +62,16 @@ def singular_values(
     left.legend(loc="center right")
     x, beta = np.meshgrid(np.linspace(-0.1, 0.1, 81), np.deg2rad(np.linspace(-14.0, 14.0, 81)))
     poses = np.stack([x, np.full_like(x, 0.6), np.zeros_like(x), beta], axis=-1)
-    filled = None
+    style: dict[str, Any] = {"origin": "lower", "aspect": "auto", "vmin": 0.0, "vmax": 0.7, "interpolation": "bilinear"}
     for axes, name, machine in zip((middle, right), names, machines, strict=True):
         state = machine.singularity(poses)
-        filled = axes.imshow(
-            state.smallest,
-            extent=(-100.0, 100.0, -14.0, 14.0),
-            origin="lower",
-            aspect="auto",
-            vmin=0.0,
-            vmax=0.7,
-            interpolation="bilinear",
-        )
+        filled = axes.imshow(state.smallest, extent=(-100.0, 100.0, -14.0, 14.0), **style)
         axes.grid(visible=False)
         if state.determinant.min() < 0.0 < state.determinant.max():
             axes.contour(1e3 * x, np.rad2deg(beta), state.determinant, levels=[0.0], colors="#ff5a4f", linewidths=1.6)
             axes.text(8.0, 2.0, "det G = 0", color="#ff5a4f", fontweight="bold")
         axes.set(title=f"{name}, z = 600 mm, alpha = 0", xlabel="x (mm)", ylabel="beta (deg)")
-    if filled is not None:
-        canvas.colorbar(filled, ax=right, label="smallest singular value")
+    canvas.colorbar(filled, ax=right, label="smallest singular value")
 
 
 def null_twist(canvas: Canvas, machines: tuple[ThreeUPSRPU, ThreeUPSRPU]) -> None:
@@ -159,9 +128,6 @@ def _row(canvas: Canvas) -> list[Axes]:
     return list(canvas.subplots(1, 3))
 
 
-def _three(curves: LegCurves) -> tuple[Array, Array, Array]:
-    return curves.lengths, curves.velocities, curves.accelerations
-
-
-def _pair(start: Array, end: Array, i: int, j: int) -> tuple[list[float], list[float]]:
-    return [1e3 * start[i], 1e3 * end[i]], [1e3 * start[j], 1e3 * end[j]]
+def _pair(start: Array, end: Array, i: int, j: int) -> Array:
+    """Two points (3,) as two rows of what is plotted: i across and j up, millimetres."""
+    return 1e3 * np.stack([start, end], axis=-1)[[i, j]]

@@ -7,7 +7,7 @@ import json
 import multiprocessing
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from importlib import import_module
@@ -96,24 +96,26 @@ def reproduce(
             raise ValueError(f"chapter {key!r} is unknown: choose from {', '.join(CHAPTERS)}")
     out.mkdir(parents=True, exist_ok=True)
     done: dict[str, ChapterResult] = {}
-    if min(processes, len(keys)) <= 1:
-        for key in keys:
-            done[key] = compute(key, out)
-            if on_done:
-                on_done(done[key])
-    else:
-        # "spawn": a forked child would inherit the threads' locks of whatever the caller has already loaded.
-        with ProcessPoolExecutor(min(processes, len(keys)), multiprocessing.get_context("spawn")) as pool:
-            for future in as_completed([pool.submit(compute, key, out) for key in keys]):
-                result = future.result()
-                done[result.key] = result
-                if on_done:
-                    on_done(result)
+    for result in _computed(keys, out, min(processes, len(keys))):
+        done[result.key] = result
+        if on_done:
+            on_done(result)
     results = [done[key] for key in keys]
     replace_file(out / "findings.json", to_json(results))
     replace_file(out / "index.md", to_markdown(results))
     replace_file(out / "index.html", to_html(results))
     return results
+
+
+def _computed(keys: Sequence[str], out: Path, processes: int) -> Iterator[ChapterResult]:
+    """Results as they are ready."""
+    if processes <= 1:
+        yield from (compute(key, out) for key in keys)
+        return
+    # "spawn": a forked child would inherit the threads' locks of whatever the caller has already loaded.
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(compute, key, out) for key in keys]):
+            yield future.result()
 
 
 def to_json(results: Sequence[ChapterResult]) -> str:
@@ -225,22 +227,16 @@ def _draw(figure: Figure, key: str, out: Path) -> FigureFile:
 
 def _align(finding: Finding) -> tuple[str, str, str]:
     """The three values as text, numbers with as many decimals as the tolerance can tell apart."""
-    values = (finding.published, finding.computed, finding.corrected)
-    texts = []
-    for value in values:
-        if value is None:
-            texts.append("")
-        elif isinstance(value, str):
-            texts.append(value)
-        else:
-            texts.append(f"{value:.7g}" if finding.tolerance is None else _decimals(value, finding.tolerance))
-    if finding.unit:
-        texts = [f"{text} {finding.unit}" if text[-1:].isdigit() else text for text in texts]
-    return texts[0], texts[1], texts[2]
+
+    def written(value: float | str | None) -> str:
+        text = value or "" if value is None or isinstance(value, str) else _decimals(value, finding.tolerance)
+        return f"{text} {finding.unit}" if finding.unit and text[-1:].isdigit() else text
+
+    return written(finding.published), written(finding.computed), written(finding.corrected)
 
 
-def _decimals(value: float, tolerance: float) -> str:
-    if tolerance <= 0.0:
+def _decimals(value: float, tolerance: float | None) -> str:
+    if not tolerance:
         return f"{value:.7g}"
     places = 0
     while places < 9 and 10.0**-places > tolerance:

@@ -111,6 +111,12 @@ def _grid(bar: FiveBar, step_m: float = 0.004) -> Array:
 def _table_1(bar: FiveBar) -> list[Finding]:
     pose = fitted_pose(bar)
     rates = slopes(bar, pose)
+
+    def compared(item: str, name: str, delta: float, printed_mm: float, why: str) -> Finding:
+        """An error as printed, at a drive error in degrees and, for the correction, in radians."""
+        in_degrees, in_radians = (1e3 * rates[name] * angle for angle in (np.deg2rad(delta), delta))
+        return number(item, printed_mm, in_degrees, 5e-5, "mm", corrected=in_radians, why=why)
+
     findings = []
     for name, printed in TABLE_1_MM.items():
         line, offset = np.polyfit(DRIVE_ERROR, printed, 1)
@@ -121,11 +127,10 @@ def _table_1(bar: FiveBar) -> list[Finding]:
             "dT": f"Radians, not degrees. The printed column is {line:.1f} delta + {offset:.4f} mm and carries dT2's "
             "offset.",
         }[name]
-        for delta, value in zip(DRIVE_ERROR, printed, strict=True):
-            in_degrees, in_radians = (1e3 * rates[name] * angle for angle in (np.deg2rad(delta), delta))
-            findings.append(
-                number(f"Table 1, {name} at {delta}", value, in_degrees, 5e-5, "mm", corrected=in_radians, why=reason)
-            )
+        findings += [
+            compared(f"Table 1, {name} at {delta}", name, delta, value, reason)
+            for delta, value in zip(DRIVE_ERROR, printed, strict=True)
+        ]
     printed = np.stack(list(TABLE_1_MM.values()))
     own = 1e3 * np.array(list(rates.values()))[:, None] * DRIVE_ERROR
     free = (printed @ DRIVE_ERROR / (DRIVE_ERROR @ DRIVE_ERROR))[:, None] * DRIVE_ERROR
@@ -148,24 +153,20 @@ def _table_1(bar: FiveBar) -> list[Finding]:
             f"this five-bar at T = ({1e3 * pose[0]:.1f}, {1e3 * pose[1]:.1f}) mm leaves {rms[0]:.4f} mm. A drive error "
             f"of 1e-9 rad moves it by {1e3 * vanishing:.1e} mm, the table's dT2 goes to {offset:.4f} mm.",
         ),
-        number(
+        compared(
             "Abstract, smallest error (0.001)",
+            "dT",
+            0.001,
             0.2174,
-            1e3 * rates["dT"] * np.deg2rad(0.001),
-            5e-5,
-            "mm",
-            corrected=1e3 * rates["dT"] * 0.001,
-            why="An accuracy of 0.2-0.9 mm belongs to drive errors of 0.057-0.29 deg; for 0.001-0.005 deg the machine "
+            "An accuracy of 0.2-0.9 mm belongs to drive errors of 0.057-0.29 deg; for 0.001-0.005 deg the machine "
             "is about 57 times better than printed.",
         ),
-        number(
+        compared(
             "Abstract, largest error (0.005)",
+            "dT",
+            0.005,
             0.9387,
-            1e3 * rates["dT"] * np.deg2rad(0.005),
-            5e-5,
-            "mm",
-            corrected=1e3 * rates["dT"] * 0.005,
-            why="As above; the remaining difference is Table 1's offset.",
+            "As above; the remaining difference is Table 1's offset.",
         ),
         statement(
             "Text at Table 1, both angles",

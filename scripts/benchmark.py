@@ -9,21 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fieldgym.scripts.common import (
-    INTERRUPTED,
-    CommandError,
-    Fields,
-    Scenario,
-    Sets,
-    Trust,
-    at_least_one,
-    chosen,
-    environment_id,
-    fields_of,
-    scenario_of,
-    seeds_of,
-    told_in_one_line,
-)
+from fieldgym.scripts import common
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -53,9 +39,9 @@ def main(
         ),
     ] = None,
     episodes: Annotated[int | None, typer.Option(help="Number of seeds instead of the suite's.")] = None,
-    scenario: Scenario = None,
-    sets: Sets = None,
-    fields: Fields = None,
+    scenario: common.Scenario = None,
+    sets: common.Sets = None,
+    fields: common.Fields = None,
     backend: Annotated[str | None, typer.Option(help="Only this backend: pybullet or analytic.")] = None,
     jobs: Annotated[int | None, typer.Option(help="Worker processes; by default one a core.")] = None,
     out: Annotated[Path, typer.Option(help="Results go to a folder of the suite's name in here.")] = Path("results"),
@@ -67,7 +53,7 @@ def main(
             help="Add each policy's measured thinking to its cycle times; nothing moves meanwhile.",
         ),
     ] = False,
-    trust: Trust = False,
+    trust: common.Trust = False,
     engine: Annotated[str, typer.Option(help="local, or ray: spread the episodes over a Ray cluster.")] = "local",
 ) -> None:
     """Run policies on the same fields with the same luck and compare net rate and cycle time.
@@ -90,10 +76,10 @@ def main(
     if env is not None:
         wanted = _special(wanted, scenario, sets or (), fields, episodes)
     elif scenario or sets or fields:
-        raise CommandError("--scenario, --set and --fields are of one environment: name it with --env")
-    chosen(engine, runner.ENGINES, "engine")
+        raise common.CommandError("--scenario, --set and --fields are of one environment: name it with --env")
+    common.chosen(engine, runner.ENGINES, "engine")
     if jobs is not None:
-        at_least_one(jobs, "--jobs")
+        common.at_least_one(jobs, "--jobs")
     console = _console()
     folder = out / wanted.name
     try:
@@ -117,12 +103,12 @@ def main(
             console.print(tables.LEGEND, style="dim", highlight=False)
             same = record.digest(report.records + report.bounds)
             console.print(f"Digest {same}: the same on every run of the same episodes, clocks left out.", style="dim")
-    except cluster.EngineError as error:
-        raise CommandError(str(error)) from None
-    except store.ResultsError as error:
-        raise CommandError(str(error)) from None
+    except (cluster.EngineError, store.ResultsError) as error:
+        raise common.CommandError(str(error)) from None
     except OSError as error:
-        raise CommandError(f"cannot write to {folder} ({error.strerror}): choose another folder with --out") from None
+        raise common.CommandError(
+            f"cannot write to {folder} ({error.strerror}): choose another folder with --out"
+        ) from None
     except runner.InterruptedRunError as error:
         given = {"--env": env, "--policies": policies, "--episodes": episodes, "--backend": backend, "--jobs": jobs}
         given |= {"--scenario": scenario, "--fields": fields}
@@ -132,7 +118,7 @@ def main(
         words += ["--charge-thinking"] * charge_thinking + ["--engine", engine] * (engine != "local")
         again = shlex.join(words)
         typer.echo(f"fieldgym: {error} in {folder}. Go on with: {again}", err=True)
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(common.INTERRUPTED) from None
     _close(console, report, [folder / store.EPISODES, *written])
 
 
@@ -144,19 +130,21 @@ def _suite(
     from fieldgym.envs import task
     from fieldgym.envs.assembly import BACKENDS
 
-    chosen(name, suites.SUITES, "suite")
-    env_id = None if env is None else environment_id(env)
+    common.chosen(name, suites.SUITES, "suite")
+    env_id = None if env is None else common.environment_id(env)
     wanted = suites.suite(name, None if env_id is None else [env_id])
     if episodes is not None:
-        at_least_one(episodes, "--episodes")
+        common.at_least_one(episodes, "--episodes")
     if backend is not None:
-        chosen(backend, BACKENDS if env_id is None else task(env_id).backends, "backend")
+        common.chosen(backend, BACKENDS if env_id is None else task(env_id).backends, "backend")
     names = None
     if policies is not None:
         names = list(dict.fromkeys(word.strip() for word in policies.split(",") if word.strip()))
         if not names:
-            raise CommandError("--policies names none: give names with commas between them, as in fixed-order,nearest")
-    with told_in_one_line():
+            raise common.CommandError(
+                "--policies names none: give names with commas between them, as in fixed-order,nearest"
+            )
+    with common.told_in_one_line():
         return wanted.narrowed(env_id, names, episodes, backend).traced(trust)
 
 
@@ -168,14 +156,14 @@ def _special(
 
     spec = task(wanted.cases[0].condition.env_id)
     for each in (scenario,) if scenario else {case.condition.scenario for case in wanted.cases}:
-        _, numbers = scenario_of(spec, each, sets)
+        _, numbers = common.scenario_of(spec, each, sets)
         if scenario or numbers:
             wanted = wanted.under(scenario, numbers)
     if fields is not None:
         first = wanted.cases[0]
-        seeds_of(first.seeds[0], episodes, fields, 1)
+        common.seeds_of(first.seeds[0], episodes, fields, 1)
         wanted = wanted.on_fields(str(fields), ())
-        wanted = wanted.on_fields(str(fields), fields_of(wanted.cases[0].condition, first.seeds[0]))
+        wanted = wanted.on_fields(str(fields), common.fields_of(wanted.cases[0].condition, first.seeds[0]))
     return wanted
 
 

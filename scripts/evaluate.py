@@ -8,19 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fieldgym.scripts.common import (
-    CommandError,
-    Fields,
-    Scenario,
-    Sets,
-    Trust,
-    condition_of,
-    environment_id,
-    fields_of,
-    policy_of,
-    seeds_of,
-    told_in_one_line,
-)
+from fieldgym.scripts import common
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -41,12 +29,12 @@ def main(
     ] = None,
     episodes: Annotated[int | None, typer.Option(help="Seeds SEED to SEED + N - 1; by default 32.")] = None,
     seed: Annotated[int, typer.Option(help="First seed of the environment.")] = 0,
-    scenario: Scenario = None,
-    sets: Sets = None,
-    fields: Fields = None,
+    scenario: common.Scenario = None,
+    sets: common.Sets = None,
+    fields: common.Fields = None,
     backend: Annotated[str, typer.Option(help="analytic computes the machine, pybullet moves it.")] = "analytic",
     perception: Annotated[str | None, typer.Option(help="By default what suits the backend.")] = None,
-    trust: Trust = False,
+    trust: common.Trust = False,
     bound: Annotated[bool, typer.Option("--bound", help="How far is it from what no policy can beat?")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="As JSON, for programs.")] = False,
 ) -> None:
@@ -71,19 +59,19 @@ def main(
     from fieldgym.bounds import bounded_ids
     from fieldgym.envs import task
 
-    env_id = environment_id(env)
-    seeds: Sequence[int] = seeds_of(seed, episodes, fields, 32)
-    condition = condition_of(env_id, scenario, backend, perception, sets or (), fields)
+    env_id = common.environment_id(env)
+    seeds: Sequence[int] = common.seeds_of(seed, episodes, fields, 32)
+    condition = common.condition_of(env_id, scenario, backend, perception, sets or (), fields)
     if bound and task(env_id).bound is None:
-        raise CommandError(f"--bound: {env_id} has no bound yet; these have: {', '.join(bounded_ids())}")
+        raise common.CommandError(f"--bound: {env_id} has no bound yet; these have: {', '.join(bounded_ids())}")
     names = [policy, *_others(policy, against or reference_policy(env_id), policy_names(env_id))]
-    sources = [policy_of(env_id, name, trust) for name in names]
-    files = fields_of(condition, seed)
+    sources = [common.policy_of(env_id, name, trust) for name in names]
+    files = common.fields_of(condition, seed)
     paths = [file.path for file in files] or None
     seeds = [seed] * len(files) if files else seeds
     console = Console(stderr=True, highlight=False)
     results: dict[str, Scores] = {}
-    with console.status("") as status, told_in_one_line():
+    with console.status("") as status, common.told_in_one_line():
         for source in sources:
             status.update(escape(f"{source.name}: {len(seeds)} episodes"))
 

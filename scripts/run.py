@@ -10,20 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fieldgym.kernels.files import replaced
-from fieldgym.scripts.common import (
-    CommandError,
-    Fields,
-    Scenario,
-    Sets,
-    Trust,
-    condition_of,
-    environment_id,
-    fields_of,
-    policy_of,
-    seeds_of,
-    told_in_one_line,
-    writable_folder,
-)
+from fieldgym.scripts import common
 
 if TYPE_CHECKING:
     import gymnasium as gym
@@ -45,16 +32,16 @@ def main(
         int | None, typer.Option(help="How many, with seeds SEED, SEED + 1, ...; by default 1.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the first episode: the field and its luck.")] = 0,
-    scenario: Scenario = None,
-    sets: Sets = None,
-    fields: Fields = None,
+    scenario: common.Scenario = None,
+    sets: common.Sets = None,
+    fields: common.Fields = None,
     backend: Annotated[
         str | None, typer.Option(help="pybullet moves the machine, analytic computes it; by default the first it has.")
     ] = None,
     perception: Annotated[
         str | None, typer.Option(help="perfect, model or camera; by default what suits the backend.")
     ] = None,
-    trust: Trust = False,
+    trust: common.Trust = False,
     video: Annotated[
         Path | None, typer.Option(metavar="FILE.mp4", help="Film the episodes; a frame takes about 0.1 s.")
     ] = None,
@@ -78,14 +65,14 @@ def main(
     from fieldgym.agents import reference_policy
     from fieldgym.benchmark.episode import POLICY_SEEDS
 
-    env_id = environment_id(env)
-    source = policy_of(env_id, policy or reference_policy(env_id), trust)
-    seeds = seeds_of(seed, episodes, fields, 1)
+    env_id = common.environment_id(env)
+    source = common.policy_of(env_id, policy or reference_policy(env_id), trust)
+    seeds = common.seeds_of(seed, episodes, fields, 1)
     if not 0.0 < speed <= MOST_SPEED:
-        raise CommandError(f"--speed {speed}: give a positive factor up to {MOST_SPEED:g}, 1 is real time")
-    condition = condition_of(env_id, scenario, backend, perception, sets or (), fields)
+        raise common.CommandError(f"--speed {speed}: give a positive factor up to {MOST_SPEED:g}, 1 is real time")
+    condition = common.condition_of(env_id, scenario, backend, perception, sets or (), fields)
     options: dict[str, Any] = {"backend": condition.backend, **condition.settings}
-    files = fields_of(condition, seed)
+    files = common.fields_of(condition, seed)
     instances = [(seed, file) for file in files] or [(each, None) for each in seeds]
     if video is not None:
         _check_video(video)
@@ -95,7 +82,7 @@ def main(
     title = f"{condition.title()}: {source.name}"
     scorecards = {}
     try:
-        with told_in_one_line(), _filming(environment, video, speed):
+        with common.told_in_one_line(), _filming(environment, video, speed):
             decider = source.make(environment, POLICY_SEEDS + seed)
             for number, file in instances:
                 name = f"seed {number}" if file is None else file.name
@@ -115,7 +102,7 @@ def main(
 def _make(env_id: str, options: dict[str, Any]) -> gym.Env[Any, Any]:
     import gymnasium as gym
 
-    with told_in_one_line():
+    with common.told_in_one_line():
         return gym.make(env_id, disable_env_checker=True, **options)
 
 
@@ -143,13 +130,13 @@ def _episode(
 def _check_video(path: Path) -> None:
     """Refuse at once what would only fail after the episode."""
     if path.suffix != ".mp4":
-        raise CommandError(f"--video {path}: name a file that ends in .mp4")
+        raise common.CommandError(f"--video {path}: name a file that ends in .mp4")
     try:
         import imageio.v2  # noqa: F401
         import imageio_ffmpeg  # noqa: F401
     except ImportError:
-        raise CommandError('--video needs imageio: pip install "fieldgym[bench]"') from None
-    writable_folder(path.parent, "--video")
+        raise common.CommandError('--video needs imageio: pip install "fieldgym[bench]"') from None
+    common.writable_folder(path.parent, "--video")
 
 
 @contextmanager
