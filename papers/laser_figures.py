@@ -63,15 +63,16 @@ def singular_values(
     x, beta = np.meshgrid(np.linspace(-0.1, 0.1, 81), np.deg2rad(np.linspace(-14.0, 14.0, 81)))
     poses = np.stack([x, np.full_like(x, 0.6), np.zeros_like(x), beta], axis=-1)
     style: dict[str, Any] = {"origin": "lower", "aspect": "auto", "vmin": 0.0, "vmax": 0.7, "interpolation": "bilinear"}
+    filled = []
     for axes, name, machine in zip((middle, right), names, machines, strict=True):
         state = machine.singularity(poses)
-        filled = axes.imshow(state.smallest, extent=(-100.0, 100.0, -14.0, 14.0), **style)
+        filled.append(axes.imshow(state.smallest, extent=(-100.0, 100.0, -14.0, 14.0), **style))
         axes.grid(visible=False)
         if state.determinant.min() < 0.0 < state.determinant.max():
             axes.contour(1e3 * x, np.rad2deg(beta), state.determinant, levels=[0.0], colors="#ff5a4f", linewidths=1.6)
             axes.text(8.0, 2.0, "det G = 0", color="#ff5a4f", fontweight="bold")
         axes.set(title=f"{name}, z = 600 mm, alpha = 0", xlabel="x (mm)", ylabel="beta (deg)")
-    canvas.colorbar(filled, ax=right, label="smallest singular value")
+    canvas.colorbar(filled[-1], ax=right, label="smallest singular value")
 
 
 def null_twist(canvas: Canvas, machines: tuple[ThreeUPSRPU, ThreeUPSRPU]) -> None:
