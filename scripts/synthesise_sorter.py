@@ -19,6 +19,7 @@ what the required set uses, rounded outwards to 5 mm, with the cylinders standin
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -67,15 +68,7 @@ def evaluate(link_m: float, base_diameter_m: float, poses: np.ndarray) -> Candid
     sliders = free.inverse(poses)[:, :3]
     low = np.floor(sliders.min() / 0.005) * 0.005
     high = np.ceil((sliders.max() + HEIGHT_M) / 0.005) * 0.005
-    machine = ThreePRRS(
-        link_m,
-        base_diameter_m,
-        PLATFORM_DIAMETER_M,
-        (round(float(low), 3), round(float(high), 3)),
-        CONE_RAD,
-        LINK_CLEARANCE_M,
-        MIN_PLATFORM_LOCK,
-    )
+    machine = replace(free, slider_range_m=(round(float(low), 3), round(float(high), 3)))
     conditioning = machine.conditioning(poses)
     lock = machine.margins(poses)["platform_lock"].min() + MIN_PLATFORM_LOCK
     return Candidate(machine, float(conditioning.smallest.min()), float(conditioning.number.max()), float(lock))

@@ -22,7 +22,7 @@ Run: ``python scripts/synthesise_weeder.py`` (half a minute; the same output eve
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,15 +115,7 @@ def judge(base_deg: float, platform_deg: float, poses: NDArray[np.float64], *, f
         return layout
     state = machine.singularity(poses)
     one_sided = bool(np.ptp(np.sign(state.determinant)) == 0.0)
-    return Layout(
-        base_deg,
-        platform_deg,
-        float(state.smallest.min()),
-        layout.stroke_ratio,
-        tilt,
-        layout.distance_m,
-        one_sided,
-    )
+    return replace(layout, smallest=float(state.smallest.min()), one_sided=one_sided)
 
 
 def grid(step_deg: float) -> list[Layout]:

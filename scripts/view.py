@@ -7,17 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fieldgym.scripts.common import (
-    CommandError,
-    Scenario,
-    Sets,
-    Trust,
-    condition_of,
-    environment_id,
-    execute,
-    policy_of,
-    told_in_one_line,
-)
+from fieldgym.scripts import common
 
 if TYPE_CHECKING:
     from fieldgym.viewer.play import Play
@@ -35,9 +25,9 @@ def main(
     against: Annotated[
         str | None, typer.Option(metavar="NAME|FILE", help="Who decides beside it, on the same field.")
     ] = None,
-    scenario: Scenario = None,
+    scenario: common.Scenario = None,
     seed: Annotated[int, typer.Option(help="Of the field and its luck.")] = 0,
-    sets: Sets = None,
+    sets: common.Sets = None,
     field: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Play this field file instead of the seed's.")
     ] = None,
@@ -47,7 +37,7 @@ def main(
     perception: Annotated[
         str | None, typer.Option(help="perfect, model or camera; by default what suits the backend.")
     ] = None,
-    trust: Trust = False,
+    trust: common.Trust = False,
     host: Annotated[str, typer.Option(help="Who may connect: 0.0.0.0 lets in everybody who reaches the port.")] = (
         LOOPBACK
     ),
@@ -68,28 +58,28 @@ def main(
     """
     from fieldgym.agents import reference_policy
 
-    env_id = environment_id(env)
+    env_id = common.environment_id(env)
     if seed < 0:
-        raise CommandError(f"--seed {seed}: give 0 or more")
+        raise common.CommandError(f"--seed {seed}: give 0 or more")
     if not 0 <= port < 65536:
-        raise CommandError(f"--port {port}: give 0..65535, 0 for any free one")
+        raise common.CommandError(f"--port {port}: give 0..65535, 0 for any free one")
     if field is not None and not field.is_file():
-        raise CommandError(f"--field {field}: there is no such file")
+        raise common.CommandError(f"--field {field}: there is no such file")
     _check_viser()
     from fieldgym.viewer.play import Play
     from fieldgym.viewer.show import Viewer
 
     names = [policy or reference_policy(env_id), *([against] if against else [])]
     for name in names:
-        policy_of(env_id, name, trust)
-    condition = condition_of(env_id, scenario, backend or "analytic", perception, sets or (), None)
+        common.policy_of(env_id, name, trust)
+    condition = common.condition_of(env_id, scenario, backend or "analytic", perception, sets or (), None)
     settings: dict[str, Any] = {"backend": condition.backend, **condition.settings}
     shown = Play(env_id, names[0], against or "", seed, settings, None if field is None else str(field))
-    with told_in_one_line():
+    with common.told_in_one_line():
         try:
             viewer = Viewer(shown, lambda play, name: seat_of(play, name, trust), host, port)
         except OSError as error:
-            raise CommandError(
+            raise common.CommandError(
                 f"cannot serve on {host}:{port} ({error.strerror}): give another --host or --port"
             ) from None
     typer.echo(f"{condition.title()}: {viewer.address} (Ctrl-C ends it)")
@@ -121,10 +111,4 @@ def _check_viser() -> None:
     try:
         import viser  # noqa: F401
     except ImportError:
-        raise CommandError('fieldgym view needs viser: pip install "fieldgym[view]"') from None
-
-
-if __name__ == "__main__":
-    app = typer.Typer(add_completion=False)
-    app.command()(main)
-    execute(app, "python scripts/view.py")
+        raise common.CommandError('fieldgym view needs viser: pip install "fieldgym[view]"') from None

@@ -9,14 +9,9 @@ import numpy as np
 from ..kernels.config import nested, num
 from ..mechanisms import ThreePRRS
 from .prrs_model import ALUMINIUM, CARBON, GANTRY_LEVEL_M, ORANGE, STEEL, PrrsParameters, hub_parts
-from .urdf import Box, Colour, Cylinder, Link, Part, Robot, Vector
-
-_ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
+from .urdf import ALONG_Y, BLACK, RUBBER, WHITE, Box, Colour, Cylinder, Link, Part, Robot
 
 FRAME = Colour("frame", 0.16, 0.36, 0.24)
-RUBBER = Colour("rubber", 0.07, 0.07, 0.07)
-WHITE = Colour("white", 0.92, 0.92, 0.90)
-BLACK = Colour("black", 0.10, 0.10, 0.11)
 
 _HALF_LENGTH_M = 0.62
 _HALF_WIDTH_M = 0.52
@@ -99,8 +94,8 @@ def _frame_parts(parameters: HoeParameters) -> tuple[Part, ...]:
             height = top - _WHEEL_RADIUS_M
             parts.append(Part(Box((0.05, 0.05, height)), FRAME, (x, y, _WHEEL_RADIUS_M + 0.5 * height)))
             at = (x, y + 0.07 * np.sign(y), _WHEEL_RADIUS_M)
-            parts.append(Part(Cylinder(_WHEEL_RADIUS_M, 0.08), RUBBER, at, _ALONG_Y))
-            parts.append(Part(Cylinder(0.5 * _WHEEL_RADIUS_M, 0.086), WHITE, at, _ALONG_Y))
+            parts.append(Part(Cylinder(_WHEEL_RADIUS_M, 0.08), RUBBER, at, ALONG_Y))
+            parts.append(Part(Cylinder(0.5 * _WHEEL_RADIUS_M, 0.086), WHITE, at, ALONG_Y))
     for x in (-_HALF_LENGTH_M, -0.13, 0.13, _HALF_LENGTH_M):
         parts.append(Part(Box((0.05, 2.0 * _HALF_WIDTH_M, 0.05)), FRAME, (x, 0.0, top)))
     parts.append(Part(Box((0.26, 0.62, 0.20)), WHITE, (-0.44, 0.0, top + 0.13)))

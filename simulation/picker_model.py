@@ -10,21 +10,31 @@ from numpy.typing import NDArray
 from ..kernels.config import Config, nested, num
 from ..mechanisms import FiveBar
 from .friction import below_limit
-from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
+from .urdf import (
+    ALONG_X,
+    ALONG_Y,
+    ALUMINIUM,
+    RUBBER,
+    STEEL,
+    WHITE,
+    Box,
+    Colour,
+    Cylinder,
+    Joint,
+    Link,
+    Part,
+    Robot,
+    Sphere,
+    Vector,
+)
 
 PICKER_ASSET = "urdf/picker/picker.urdf"
 JOINTS = ("cart", "arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
 
-ALUMINIUM = Colour("aluminium", 0.74, 0.76, 0.79)
 DARK = Colour("dark", 0.13, 0.13, 0.15)
 FRAME = Colour("frame", 0.24, 0.36, 0.47)
 ORANGE = Colour("orange", 0.93, 0.45, 0.08)
-RUBBER = Colour("rubber", 0.07, 0.07, 0.07)
-STEEL = Colour("steel", 0.52, 0.54, 0.57)
-WHITE = Colour("white", 0.92, 0.92, 0.90)
 
-_ALONG_X: Vector = (0.0, np.pi / 2, 0.0)
-_ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
 
 # The straddle frame: 1.2 m wide and 1.3 m high (published), 0.9 m long (assumed).
 _HALF_LENGTH_M = 0.42
@@ -174,8 +184,8 @@ def _bar_parts(length_m: float, x_m: float, width_m: float, depth_m: float) -> t
     end, pin = Cylinder(0.6 * width_m, depth_m), Cylinder(0.008, 0.05)
     parts = [Part(tube, ALUMINIUM, (x_m, length_m / 2, 0.0))]
     for y in (0.0, length_m):
-        parts.append(Part(end, ALUMINIUM, (x_m, y, 0.0), _ALONG_X))
-        parts.append(Part(pin, STEEL, (x_m - 0.005, y, 0.0), _ALONG_X))
+        parts.append(Part(end, ALUMINIUM, (x_m, y, 0.0), ALONG_X))
+        parts.append(Part(pin, STEEL, (x_m - 0.005, y, 0.0), ALONG_X))
     return tuple(parts)
 
 
@@ -190,7 +200,7 @@ def _platform_parts(bar: FiveBar) -> tuple[Part, ...]:
         Part(Cylinder(0.027, sleeve), WHITE, (0.0, 0.0, 0.5 * sleeve)),
         Part(Cylinder(0.031, 0.006), ORANGE, (0.0, 0.0, 0.003)),
         # The shears' geared motor lies across in front, the suction tube stands behind the arms' plane.
-        Part(Cylinder(0.0125, 0.055), DARK, (0.026, 0.0, level + 0.006), _ALONG_Y),
+        Part(Cylinder(0.0125, 0.055), DARK, (0.026, 0.0, level + 0.006), ALONG_Y),
         Part(Cylinder(HOSE_RADIUS_M, _TUBE_LENGTH_M), WHITE, (_TUBE_X_M, 0.0, level + 0.5 * _TUBE_LENGTH_M)),
         Part(Cylinder(0.020, 0.012), DARK, (_TUBE_X_M, 0.0, level + _TUBE_LENGTH_M)),
         Part(Box((0.030, 0.024, 0.014)), WHITE, (-0.018, 0.0, level - 0.006)),
@@ -206,9 +216,9 @@ def _frame_parts(parameters: PickerParameters) -> tuple[Part, ...]:
             parts.append(Part(post, FRAME, (x, y, 0.5 * (_TOP_M + _WHEEL_RADIUS_M))))
             outwards = np.copysign(0.009, y)
             wheel_at = (0.88 * x, y + outwards, _WHEEL_RADIUS_M)
-            parts.append(Part(Cylinder(_WHEEL_RADIUS_M, _WHEEL_WIDTH_M), RUBBER, wheel_at, _ALONG_Y))
-            parts.append(Part(Cylinder(0.55 * _WHEEL_RADIUS_M, _WHEEL_WIDTH_M + 0.006), WHITE, wheel_at, _ALONG_Y))
-            parts.append(Part(Cylinder(0.030, _WHEEL_WIDTH_M + 0.012), DARK, wheel_at, _ALONG_Y))
+            parts.append(Part(Cylinder(_WHEEL_RADIUS_M, _WHEEL_WIDTH_M), RUBBER, wheel_at, ALONG_Y))
+            parts.append(Part(Cylinder(0.55 * _WHEEL_RADIUS_M, _WHEEL_WIDTH_M + 0.006), WHITE, wheel_at, ALONG_Y))
+            parts.append(Part(Cylinder(0.030, _WHEEL_WIDTH_M + 0.012), DARK, wheel_at, ALONG_Y))
         parts.append(Part(Box((_TUBE_M, 2.0 * _HALF_WIDTH_M, _TUBE_M)), FRAME, (x, 0.0, _TOP_M)))
     along = Box((2.0 * _HALF_LENGTH_M, _TUBE_M, _TUBE_M))
     for y in (-_HALF_WIDTH_M, _HALF_WIDTH_M):
@@ -223,7 +233,7 @@ def _gantry_parts(parameters: PickerParameters) -> list[Part]:
     for y in (-0.5 * bar.base_m, 0.5 * bar.base_m):
         parts.append(Part(Box((0.012, 0.085, 0.085)), ALUMINIUM, (-0.030, y, height)))
         parts.append(Part(Box((0.075, 0.060, 0.060)), DARK, (-0.072, y, height)))
-        parts.append(Part(Cylinder(0.022, 0.016), STEEL, (-0.016, y, height), _ALONG_X))
+        parts.append(Part(Cylinder(0.022, 0.016), STEEL, (-0.016, y, height), ALONG_X))
     return parts
 
 
@@ -238,7 +248,7 @@ def _equipment_parts(parameters: PickerParameters) -> list[Part]:
         # Rear: control cabinet on one side, suction fan and collection box in the middle.
         Part(Box((0.20, 0.24, 0.30)), WHITE, (-0.40, -0.40, _TOP_M - 0.17)),
         Part(Box((0.24, 0.26, 0.20)), ORANGE, (-0.34, 0.10, _TOP_M + 0.12)),
-        Part(Cylinder(0.075, 0.10), DARK, (-0.34, 0.30, _TOP_M + 0.10), _ALONG_Y),
-        Part(Cylinder(0.022, 0.06), DARK, (HOSE_INLET_M[0] - 0.03, *HOSE_INLET_M[1:]), _ALONG_X),
+        Part(Cylinder(0.075, 0.10), DARK, (-0.34, 0.30, _TOP_M + 0.10), ALONG_Y),
+        Part(Cylinder(0.022, 0.06), DARK, (HOSE_INLET_M[0] - 0.03, *HOSE_INLET_M[1:]), ALONG_X),
         Part(Box((0.26, 0.50, 0.012)), ALUMINIUM, (-0.34, 0.16, _TOP_M + 0.018)),
     ]

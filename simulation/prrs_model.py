@@ -9,10 +9,7 @@ import numpy as np
 from ..kernels.config import Config, nested, num
 from ..mechanisms import ThreePRRS
 from .friction import below_limit
-from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
-
-_ALONG_X: Vector = (0.0, np.pi / 2, 0.0)
-_ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
+from .urdf import ALONG_X, ALONG_Y, Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere
 
 
 @dataclass(frozen=True)
@@ -144,7 +141,7 @@ def leg_robot(parameters: PrrsParameters, leg: int) -> Robot:
             Part(Box((0.022, 0.046, 0.070)), BLUE, (-inwards, 0.0, _CARRIAGE_UP_M)),
             Part(Box((0.016, 0.030, _CARRIAGE_UP_M)), ALUMINIUM, (-inwards, 0.0, 0.5 * _CARRIAGE_UP_M)),
             # The rotary motor lies along the outward axis of R1, its gear in front of the fork.
-            Part(Cylinder(0.017, 0.034), CARBON, (-inwards + 0.004, 0.0, 0.0), _ALONG_X),
+            Part(Cylinder(0.017, 0.034), CARBON, (-inwards + 0.004, 0.0, 0.0), ALONG_X),
         ),
     )
     rotor = parameters.rotor_inertia_kg_m2
@@ -152,10 +149,10 @@ def leg_robot(parameters: PrrsParameters, leg: int) -> Robot:
         f"yoke{leg}",
         parameters.yoke_mass_kg,
         (
-            Part(Cylinder(0.010, 0.030), STEEL, (-0.018, 0.0, 0.0), _ALONG_X),
+            Part(Cylinder(0.010, 0.030), STEEL, (-0.018, 0.0, 0.0), ALONG_X),
             Part(Box((0.024, 0.008, 0.026)), ALUMINIUM, (-0.002, -_JOINT_M, 0.0)),
             Part(Box((0.024, 0.008, 0.026)), ALUMINIUM, (-0.002, _JOINT_M, 0.0)),
-            Part(Cylinder(0.005, 2.6 * _JOINT_M), STEEL, (0.0, 0.0, 0.0), _ALONG_Y),
+            Part(Cylinder(0.005, 2.6 * _JOINT_M), STEEL, (0.0, 0.0, 0.0), ALONG_Y),
         ),
         (rotor, rotor, rotor),
     )

@@ -10,16 +10,14 @@ from numpy.typing import NDArray
 from ..kernels.config import Config, nested, num
 from ..mechanisms import TranslationalFiveBar
 from .friction import below_limit
-from .picker_model import ALUMINIUM, DARK, FRAME, ORANGE, STEEL
-from .urdf import Box, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
+from .picker_model import DARK, FRAME, ORANGE
+from .urdf import ALONG_X, ALUMINIUM, STEEL, Box, Cylinder, Joint, Link, Part, Robot, Sphere
 
 PHYSICS_ASSET = "urdf/transplanter/transplanter.urdf"
 JOINTS = ("arm1", "forearm1", "arm2", "forearm2", "slide_u", "slide_v")
 LOOKS = ("arm_bar1", "bracket1", "forearm_bar1", "arm_bar2", "bracket2", "forearm_bar2", "needles1", "needles2")
 """Joints that only a machine with looks has."""
 
-_ALONG_X: Vector = (0.0, np.pi / 2, 0.0)
-_ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
 
 _BAR_WIDTH_M, _BAR_DEPTH_M = 0.034, 0.022
 _FOREARM_WIDTH_M = 0.020
@@ -168,7 +166,7 @@ def _add_chain(
     bracket = (
         Part(Box((0.008, 0.026, height)), DARK, (0.014, 0.5 * out, 0.5 * up)),
         Part(Box((0.008, width, 0.026)), DARK, (0.014, 0.5 * beyond[0], 0.5 * beyond[1])),
-        Part(Cylinder(0.010, 0.050), STEEL, (0.0, 0.0, 0.0), _ALONG_X),
+        Part(Cylinder(0.010, 0.050), STEEL, (0.0, 0.0, 0.0), ALONG_X),
     )
     links.append(Link(f"bracket{leg}", 0.1, bracket))
     joints.append(
@@ -218,7 +216,7 @@ def _frame_parts(parameters: TransplanterParameters) -> tuple[Part, ...]:
         parts.append(Part(Box((0.60, 0.06, 0.04)), FRAME, (_POST_X_M, y, 0.02)))
     for side in (-1.0, 1.0):
         y = side * (arm.motor_offset_m + parameters.half_platform_m)
-        parts.append(Part(Cylinder(0.048, 0.10), DARK, (_POST_X_M - 0.05, y, height), _ALONG_X))
-        parts.append(Part(Cylinder(0.040, 0.05), ALUMINIUM, (-0.045, y, height), _ALONG_X))
+        parts.append(Part(Cylinder(0.048, 0.10), DARK, (_POST_X_M - 0.05, y, height), ALONG_X))
+        parts.append(Part(Cylinder(0.040, 0.05), ALUMINIUM, (-0.045, y, height), ALONG_X))
         parts.append(Part(Box((0.008, 0.030, 0.10)), ALUMINIUM, (-0.03, y, height + 0.03)))
     return tuple(parts)

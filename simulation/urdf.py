@@ -28,6 +28,17 @@ class Colour:
     alpha: float = 1.0
 
 
+ALUMINIUM = Colour("aluminium", 0.74, 0.76, 0.79)
+BLACK = Colour("black", 0.10, 0.10, 0.11)
+RUBBER = Colour("rubber", 0.07, 0.07, 0.07)
+STEEL = Colour("steel", 0.52, 0.54, 0.57)
+WHITE = Colour("white", 0.92, 0.92, 0.90)
+
+ALONG_X: Vector = (0.0, np.pi / 2, 0.0)
+"""Turn of a part that is made along z; ``ALONG_Y`` alike."""
+ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class Box:
     """A cuboid of edges ``size_m`` along x, y, z."""

@@ -10,23 +10,32 @@ from numpy.typing import NDArray
 from ..kernels.config import Config, nested, num
 from ..mechanisms import ThreeUPSRPU
 from .friction import below_limit
-from .urdf import Box, Colour, Cylinder, Joint, Link, Part, Robot, Sphere, Vector
+from .urdf import (
+    ALONG_Y,
+    ALUMINIUM,
+    BLACK,
+    RUBBER,
+    STEEL,
+    WHITE,
+    Box,
+    Colour,
+    Cylinder,
+    Joint,
+    Link,
+    Part,
+    Robot,
+    Sphere,
+    Vector,
+)
 
 WEEDER_ASSET = "urdf/weeder/weeder.urdf"
 JOINTS = ("cart", *(f"{kind}{leg}" for leg in (1, 2, 3) for kind in ("swing", "tilt", "leg")), "swing4", "leg4")
 JOINTS = (*JOINTS, "nod", "roll")
 
-ALUMINIUM = Colour("aluminium", 0.74, 0.76, 0.79)
-BLACK = Colour("black", 0.10, 0.10, 0.11)
 FRAME = Colour("frame", 0.62, 0.13, 0.11)
 LASER = Colour("laser", 0.20, 0.22, 0.26)
-RUBBER = Colour("rubber", 0.07, 0.07, 0.07)
-STEEL = Colour("steel", 0.52, 0.54, 0.57)
-WHITE = Colour("white", 0.92, 0.92, 0.90)
 YELLOW = Colour("yellow", 0.95, 0.75, 0.10)
 
-_ALONG_X: Vector = (0.0, np.pi / 2, 0.0)
-_ALONG_Y: Vector = (-np.pi / 2, 0.0, 0.0)
 _FLIP: Vector = (np.pi, 0.0, 0.0)
 """The mechanism hangs: its Z points down, its X along the direction of travel."""
 
@@ -188,8 +197,8 @@ def _frame_parts(parameters: WeederParameters) -> tuple[Part, ...]:
             height = top - _WHEEL_RADIUS_M
             parts.append(Part(Box((0.06, 0.06, height)), FRAME, (x, y, _WHEEL_RADIUS_M + 0.5 * height)))
             at = (0.9 * x, y, _WHEEL_RADIUS_M)
-            parts.append(Part(Cylinder(_WHEEL_RADIUS_M, 0.09), RUBBER, at, _ALONG_Y))
-            parts.append(Part(Cylinder(0.5 * _WHEEL_RADIUS_M, 0.096), WHITE, at, _ALONG_Y))
+            parts.append(Part(Cylinder(_WHEEL_RADIUS_M, 0.09), RUBBER, at, ALONG_Y))
+            parts.append(Part(Cylinder(0.5 * _WHEEL_RADIUS_M, 0.096), WHITE, at, ALONG_Y))
     for x in (-_HALF_LENGTH_M, -0.44, 0.44, _HALF_LENGTH_M):
         parts.append(Part(Box((0.06, 2.0 * _HALF_WIDTH_M, 0.06)), FRAME, (x, 0.0, top)))
     for y in (-0.36, 0.0, 0.36):
