@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
+import gymnasium as gym
 import numpy as np
 
 from .. import agents
@@ -16,9 +17,6 @@ from . import limits
 from .record import Record, failed, identity, plain, plain_number
 from .report.timeline import TimelineRecorder
 from .suites import BOUND, Episode
-
-if TYPE_CHECKING:
-    import gymnasium as gym
 
 POLICY_SEEDS = 1_000_000
 """Added to the environment's seed for the policy's: with equal seeds both would draw the same numbers."""
@@ -65,7 +63,9 @@ def run_episode(episode: Episode, cancelled: Callable[[], bool] = never) -> Reco
 
 def _play(episode: Episode, cancelled: Callable[[], bool]) -> Record:
     started = time.perf_counter()
-    env = _make(episode)
+    where = episode.condition
+    task(where.env_id)  # registers it
+    env: Any = gym.make(where.env_id, backend=where.backend, disable_env_checker=True, **where.settings)
     try:
         observation, info = begin(env, episode.seed, None if episode.field is None else episode.field.path)
         # What loads or compiles at a first decision is no thinking: another policy of the same name decides it before.
@@ -84,7 +84,7 @@ def _play(episode: Episode, cancelled: Callable[[], bool]) -> Record:
             thinking.append(decision.thought_s)
             recorder.add(info)
             if words is not None:
-                words.append(_words(env))
+                words.append(env.unwrapped.describe_last_decision())
             if info["scorecard"]["cycle_time_s"] != cycle_time_s:  # a target was finished
                 last_s, thought_before_last_s = float(info["scorecard"]["duration_s"]), sum(thinking)
             total += decision.reward
@@ -116,15 +116,3 @@ def _policy(episode: Episode, env: Any) -> Policy:
     if episode.source is not None:
         return episode.source.make(env, seed)
     return agents.make_policy(episode.policy, env, seed=seed)
-
-
-def _words(env: Any) -> str:
-    return env.unwrapped.describe_last_decision()
-
-
-def _make(episode: Episode) -> gym.Env[Any, Any]:
-    import gymnasium as gym
-
-    where = episode.condition
-    task(where.env_id)  # registers it
-    return gym.make(where.env_id, backend=where.backend, disable_env_checker=True, **where.settings)
