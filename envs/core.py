@@ -45,6 +45,22 @@ class StepResult(NamedTuple):
     truncated: NDArray[np.bool_]
 
 
+class Page(NamedTuple):
+    """What B worlds show after a decision, a row each.
+
+    Attributes:
+        observation: as ``TaskCore.observation_space`` names it, each with a leading world axis.
+        numbers: reward terms, phases' seconds and scores, shape (B, terms + phases + scores).
+        terminated: the task is over, shape (B,).
+        truncated: the time is up, shape (B,).
+    """
+
+    observation: dict[str, NDArray[Any]]
+    numbers: Array
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+
+
 PlanT = TypeVar("PlanT")
 OutcomeT = TypeVar("OutcomeT")
 PlanIn = TypeVar("PlanIn", contravariant=True)
@@ -86,6 +102,7 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
         if isinstance(worlds, bool) or not isinstance(worlds, int | np.integer) or worlds < 1:
             raise ValueError(f"num_envs = {worlds!r}: give at least 1 world")
         self.worlds = int(worlds)
+        self._planned: Any = None
 
     def world(self, row: int) -> TaskCore[PlanT, OutcomeT]:
         """The world ``row`` as rules of one world, which work on the same arrays: what is done to one is done to both.
@@ -147,6 +164,52 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     @abstractmethod
     def scores(self) -> Array:
         """Scorecard so far, shape (B, len(score_names))."""
+
+    @property
+    def planned(self) -> PlanT:
+        """The plan of the last ``decide``."""
+        return self._planned
+
+    def decide(self, actions: NDArray[np.int64], page: Page | None = None) -> Page:
+        """A decision (B,) in every world that goes as planned: ``plan``, ``nominal``, ``apply`` and ``show`` in one.
+
+        Args:
+            actions: of the worlds.
+            page: is written, by default a fresh one.
+        """
+        self._planned = plan = self.plan(actions)
+        return self.booked(self.apply(plan, self.nominal(plan)), page)
+
+    def booked(self, result: StepResult, page: Page | None = None) -> Page:
+        """The page of a decision that ``apply`` has booked; ``page`` is written, by default a fresh one."""
+        page = self.show(page=page)
+        terms, phases = len(self.reward_names), len(self.phase_names)
+        page.numbers[:, :terms], page.numbers[:, terms : terms + phases] = result.rewards, result.phases_s
+        page.terminated[:], page.truncated[:] = result.terminated, result.truncated
+        return page
+
+    def show(self, rows: Rows | None = None, page: Page | None = None) -> Page:
+        """Write observation and scorecard of worlds into a page; what else stands in it stays, in a fresh one nothing.
+
+        Args:
+            rows: the worlds, by default all.
+            page: is written, by default a fresh one.
+        """
+        observation, scores = self.observe(), self.scores()
+        if page is None:
+            over, columns = np.zeros((2, self.worlds), bool), len(self.reward_names) + len(self.phase_names)
+            page = Page(observation, np.zeros((self.worlds, columns + scores.shape[1])), *over)
+        where = slice(None) if rows is None else rows
+        for name, values in observation.items():
+            page.observation[name][where] = values[where]
+        page.numbers[where, page.numbers.shape[1] - scores.shape[1] :] = scores[where]
+        return page
+
+    def result_of(self, page: Page) -> StepResult:
+        """What the decision on a page brought."""
+        terms, phases = len(self.reward_names), len(self.phase_names)
+        rewards, phases_s = page.numbers[:, :terms], page.numbers[:, terms : terms + phases]
+        return StepResult(rewards, phases_s, page.terminated, page.truncated)
 
     def describe(self, plan: PlanT, result: StepResult, row: int = 0) -> str:
         """One line for people about the last decision of one world."""

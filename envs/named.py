@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,25 @@ class NamedColumns(dict[str, Any]):
     def copy(self) -> dict[str, Any]:
         """A plain dictionary."""
         return dict(self)
+
+
+def info_of(
+    blocks: Mapping[str, tuple[Sequence[str], NDArray[np.float64]]],
+    mask: NDArray[np.int8],
+    present: NDArray[np.bool_],
+) -> dict[str, Any]:
+    """Info of a batch in Gymnasium's layout.
+
+    Args:
+        blocks: names and values (B, names) of each block by its name.
+        mask: (B, actions), what is possible.
+        present: (B,), the worlds that have an info; the others' values are 0.
+    """
+    info: dict[str, Any] = {"action_mask": np.where(present[:, None], mask, np.int8(0))}
+    info["_action_mask"] = present.copy()
+    for name, (names, values) in blocks.items():
+        info[name], info["_" + name] = NamedColumns(names, values, present), present.copy()
+    return info
 
 
 def _after_filling(method: Callable[..., Any]) -> Callable[..., Any]:

@@ -1,4 +1,4 @@
-"""What may be asked of a reset."""
+"""What may be asked of a step and of a reset."""
 
 from __future__ import annotations
 
@@ -8,12 +8,47 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .assembly import meant
 from .core import TaskCore
 from .field import FieldError
 from .field_files import read_field
 from .field_rows import other_unit
+
+
+def checked_action(action: Any, n: int) -> int:
+    """One of ``n`` actions as a number.
+
+    Raises:
+        ValueError: it is no integer of the action space.
+    """
+    # Policies give these, and as an array they would take longer than the rules.
+    if type(action) is int or type(action) is np.int64:
+        value = int(action)
+    else:
+        number = np.asarray(action)
+        if number.size != 1 or number.dtype.kind not in "iu":
+            raise ValueError(f"action = {action!r} is not one integer: give a number in 0..{n - 1}")
+        value = int(number.reshape(()))
+    if not 0 <= value < n:
+        raise ValueError(f"action = {value}: allowed range 0..{n - 1}, see info['action_mask']")
+    return value
+
+
+def checked_actions(actions: Any, worlds: int, n: int) -> NDArray[np.int64]:
+    """One of ``n`` actions for each world, (worlds,), as numbers of their own.
+
+    Raises:
+        ValueError: they are no integers of the action space, one a world.
+    """
+    numbers = np.asarray(actions)
+    if numbers.shape != (worlds,) or numbers.dtype.kind not in "iu":
+        raise ValueError(f"actions are {numbers.dtype} of shape {numbers.shape}: give {worlds} integers in 0..{n - 1}")
+    if numbers.min() < 0 or numbers.max() >= n:
+        bad = int(np.flatnonzero((numbers < 0) | (numbers >= n))[0])
+        raise ValueError(f"action {int(numbers[bad])} of world {bad}: allowed range 0..{n - 1}")
+    return numbers.astype(np.int64)
 
 
 def checked_options(options: Any, known: Sequence[str]) -> Mapping[str, Any]:

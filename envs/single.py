@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ..kernels.sums import in_order
 from .assembly import Assembly, choice
-from .core import Executor, NominalExecutor, OutcomeT, PlanT, StepResult, TaskCore, View
+from .core import Executor, NominalExecutor, OutcomeT, Page, PlanT, StepResult, TaskCore, View
 from .field import Field
-from .options import checked_options, checked_seed, completed
+from .options import checked_action, checked_options, checked_seed, completed
 from .pixels import DEFAULT_ROWS, Pixels, Shown
 from .state import State, check, put, refuse_closed, refuse_unready, taken
 
@@ -94,6 +94,8 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self._frames_per_second = float(self.metadata["render_fps"])
         self._actions = np.zeros(1, np.int64)
         self._last: tuple[PlanT, StepResult] | None = None
+        # Of a decision that went as planned: it is looked into when somebody asks.
+        self._page: Page | None = None
         self._mask = np.zeros(0, np.int8)
         self._given: Field | None = None
         self._drawn_from: Any = None
@@ -103,6 +105,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
 
     def __getstate__(self) -> dict[str, Any]:
         """What a copy takes over."""
+        self._remember()
         return {name: value for name, value in vars(self).items() if name not in _REBUILT}
 
     def __setstate__(self, copied: dict[str, Any]) -> None:
@@ -181,7 +184,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self.executor.reset_rows(_ONE_ROW)
         if self._sensing:
             self.view.sense()
-        self._last, self._decisions = None, ()
+        self._last, self._page, self._decisions = None, None, ()
         self._ready, self._over = True, False
         return self._standing()
 
@@ -194,21 +197,15 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
         self._actions[0] = self._checked(action)
-        if self._sensing:
-            self.view.attend(int(self._actions[0]))
-        plan = self.core.plan(self._actions)
-        result = self.core.apply(plan, self.executor.execute(plan))
-        if self._on_frame is not None or self.render_mode == "human":
-            self._show(plan, result)
-        if self._sensing:
-            self.view.sense()
-            self._decisions += (int(self._actions[0]),)
-        self._last = plan, result
-        self._over = bool(result.terminated[0] or result.truncated[0])
-        rewards = result.rewards[0].tolist()
-        observation = self._observe()
-        info = self._info(rewards, result.phases_s[0].tolist())
-        return observation, in_order(rewards), bool(result.terminated[0]), bool(result.truncated[0]), info
+        watched = self._sensing or self._on_frame is not None or self.render_mode == "human"
+        if type(self.executor) is NominalExecutor and not watched:
+            page = self._page = self.core.decide(self._actions)
+        else:
+            page = self._carry_out()
+        terminated, truncated = bool(page.terminated[0]), bool(page.truncated[0])
+        self._over = terminated or truncated
+        observation, info = self._observation(page), self._info(page)
+        return observation, in_order(info["rewards"].values()), terminated, truncated, info
 
     def action_masks(self) -> np.ndarray:
         """Which actions are possible now, bool (n,); behind wrappers it is ``env.unwrapped.action_masks()``.
@@ -227,6 +224,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         """
         refuse_closed(self._closed)
         refuse_unready(self._ready)
+        self._remember()
         chance = ((self.np_random.bit_generator.state, self.np_random_seed),)
         return taken(self.core, self._eyes, chance, {name: getattr(self, name) for name in _REMEMBERED})
 
@@ -248,7 +246,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         generator = self.np_random
         generator.bit_generator.state = chance
         vars(self).update(state.remembered)
-        self._ready = True
+        self._ready, self._page = True, None
         if self._sensing:
             self._play_again(self._decisions)
         else:
@@ -258,6 +256,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
 
     def describe_last_decision(self) -> str:
         """One line for people about the last decision."""
+        self._remember()
         if self._last is None:
             return "ready"
         return self.core.describe(*self._last)
@@ -295,6 +294,25 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             self._view.close()
         if self._window is not None:
             self._window.close()
+
+    def _carry_out(self) -> Page:
+        """The decision as the executor carries it out and the view follows it."""
+        if self._sensing:
+            self.view.attend(int(self._actions[0]))
+        plan = self.core.plan(self._actions)
+        result = self.core.apply(plan, self.executor.execute(plan))
+        if self._on_frame is not None or self.render_mode == "human":
+            self._show(plan, result)
+        if self._sensing:
+            self.view.sense()
+            self._decisions += (int(self._actions[0]),)
+        self._last, self._page = (plan, result), None
+        return self.core.booked(result)
+
+    def _remember(self) -> None:
+        """Take down the last decision."""
+        if self._page is not None:
+            self._last, self._page = (self.core.planned, self.core.result_of(self._page)), None
 
     def _show(self, plan: PlanT, result: StepResult) -> None:
         """Play the decision: to the recorder at its rate, in a window as fast as it really went."""
@@ -346,8 +364,8 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         """Observation and info before any decision, and what a window shows then."""
         if self.render_mode == "human":
             self._put_in_window(self.view.frame())
-        observation = self._observe()
-        return observation, self._info([0.0] * len(self.core.reward_names), [0.0] * len(self.core.phase_names))
+        page = self.core.show()
+        return self._observation(page), self._info(page)
 
     @property
     def _drawer(self) -> Pixels:
@@ -355,21 +373,21 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             self._pixels = Pixels([self.view], self.shown)
         return self._pixels
 
-    def _observe(self) -> dict[str, np.ndarray]:
-        seen = self.core.observe()
-        if self.shown.draws:
-            seen = self._drawer.observe(seen)
+    def _observation(self, page: Page) -> dict[str, np.ndarray]:
+        seen = self._drawer.observe(page.observation) if self.shown.draws else page.observation
         observation = {name: values[0] for name, values in seen.items()}
         self._mask = observation["action_mask"].copy()
         return observation
 
-    def _info(self, rewards: list[float], phases_s: list[float]) -> dict[str, Any]:
-        core = self.core
+    def _info(self, page: Page) -> dict[str, Any]:
+        core, numbers = self.core, page.numbers[0].tolist()
+        phases = len(core.reward_names)
+        scores = phases + len(core.phase_names)
         return {
             "action_mask": self._mask.copy(),
-            "rewards": dict(zip(core.reward_names, rewards, strict=True)),
-            "phases_s": dict(zip(core.phase_names, phases_s, strict=True)),
-            "scorecard": dict(zip(core.score_names, core.scores()[0].tolist(), strict=True)),
+            "rewards": dict(zip(core.reward_names, numbers[:phases], strict=True)),
+            "phases_s": dict(zip(core.phase_names, numbers[phases:scores], strict=True)),
+            "scorecard": dict(zip(core.score_names, numbers[scores:], strict=True)),
             "fault": self.executor.fault,
         }
 
@@ -379,11 +397,4 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         refuse_unready(self._ready)
         if self._over:
             raise ResetNeeded("the episode is over: call reset() before the next step()")
-        n = int(self.core.action_space.n)
-        number = np.asarray(action)
-        if number.size != 1 or number.dtype.kind not in "iu":
-            raise ValueError(f"action = {action!r} is not one integer: give a number in 0..{n - 1}")
-        value = int(number.reshape(()))
-        if not 0 <= value < n:
-            raise ValueError(f"action = {value}: allowed range 0..{n - 1}, see info['action_mask']")
-        return value
+        return checked_action(action, int(self.core.action_space.n))

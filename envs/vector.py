@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from .assembly import Assembly
 from .cameras import Cameras
-from .core import Array, NominalExecutor, OutcomeT, PlanT, TaskCore
+from .core import Array, OutcomeT, Page, PlanT, TaskCore
 from .ended import Ended
-from .named import NamedColumns
-from .options import checked_options, checked_seeds, completed
+from .named import info_of
+from .options import checked_actions, checked_options, checked_seeds, completed
 from .pixels import DEFAULT_ROWS, Shown
 from .state import State, check, put, refuse_closed, taken
 
@@ -88,7 +88,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self.backend, self.perception, self.scenario = backend, perception, parts.name_of(config.scenario)
         self._equipment = {name: value for name, value in given.items() if name not in settings}
         core: TaskCore[PlanT, OutcomeT] = parts.core(config, parts.perception_model(perception, config), num_envs)
-        self.core, self.executor = core, NominalExecutor(core)
+        self.core = core
         self.num_envs = core.worlds
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
@@ -169,41 +169,24 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             gymnasium.error.ResetNeeded: a world was not reset yet.
             gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
-        chosen = self._checked(actions)
-        # What is over has begun anew with SAME_STEP, else nobody looks at it.
-        awake = np.ones_like(self._over) if self.autoreset_mode is AutoresetMode.SAME_STEP else ~self._over
-        if self._cameras:
-            self._cameras.attend(awake, chosen)
-        plan = self.core.plan(chosen)
-        result = self.core.apply(plan, self.executor.execute(plan))
-        terms, phases, terminated, truncated = result
-        if self._cameras:
-            self._cameras.sense(awake)
+        chosen, before = self._checked(actions), self._over
+        page = self._carry_out(chosen) if self._cameras else self.core.decide(chosen)
         extra: dict[str, Any] = {}
-        resting = self.autoreset_mode is AutoresetMode.DISABLED
-        if resting and self._over.any():
-            terms[self._over], phases[self._over] = 0.0, 0.0
-            self._ended.show(self._over, {"terminated": terminated, "truncated": truncated})
-        if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._over.any():
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and before.any():
             # The finished worlds stepped along in the batch; what they did is overwritten by their new episode.
-            waking = self._over.copy()
-            self._restart(np.flatnonzero(waking))
-            terms[waking], phases[waking], terminated[waking], truncated[waking] = 0.0, 0.0, False, False
-        before, self._over = self._over, terminated | truncated
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
-            extra = self._final(terms, phases)
-            self._restart(np.flatnonzero(self._over))
-        if resting and (ending := self._over & ~before).any():
-            ends = {"terminated": terminated, "truncated": truncated, "scores": self.core.scores()}
-            self._ended.keep(ending, self._seen(ending) | ends)
-        observation = self._observe()
+            self._begin(np.flatnonzero(before), page)
+            page.terminated[before], page.truncated[before] = False, False
+        if self.autoreset_mode is AutoresetMode.DISABLED:
+            self._rest(before, page)
+        self._over = page.terminated | page.truncated
         # Added up as the single environment adds its terms.
-        reward = sum(terms[:, i] for i in range(terms.shape[1]))
-        if extra:
-            terms, phases = terms.copy(), phases.copy()
-            terms[self._over], phases[self._over] = 0.0, 0.0
-        info = self._info(terms, phases, np.ones(self.num_envs, bool)) | extra
-        return observation, np.asarray(reward), terminated, truncated, info
+        reward = sum(page.numbers[:, i] for i in range(len(self.core.reward_names)))
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
+            extra = self._final(page)
+            self._begin(np.flatnonzero(self._over), page)
+        observation = self._observation(page)
+        info = self._info(page.numbers, np.ones(self.num_envs, bool)) | extra
+        return observation, np.asarray(reward), page.terminated, page.truncated, info
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are possible now, bool (num_envs, n).
@@ -249,7 +232,6 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             put(state, self.core)
         vars(self).update(remembered)
         self._ready = True
-        self.executor.reset_rows(np.arange(self.num_envs))
         return self._standing(np.ones(self.num_envs, bool))
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
@@ -306,8 +288,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         return tuple(self._generators)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free what executor and cameras hold."""
-        self.executor.close()
+        """Free what cameras hold."""
         if self._cameras:
             self._cameras.close()
 
@@ -322,9 +303,34 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             pairs = zip(fields, generators, strict=True)
             whole = begun = [completed(self.core, field, generator) for field, generator in pairs]
             self.core.load(rows, self.core.stack(whole))
-        self.executor.reset_rows(rows)
         if self._cameras:
             self._cameras.begin(rows, begun)
+
+    def _carry_out(self, actions: NDArray[np.int64]) -> Page:
+        """A decision that cameras look at before and after."""
+        assert self._cameras
+        # What is over has begun anew with SAME_STEP, else nobody looks at it.
+        awake = np.ones_like(self._over) if self.autoreset_mode is AutoresetMode.SAME_STEP else ~self._over
+        self._cameras.attend(awake, actions)
+        plan = self.core.plan(actions)
+        result = self.core.apply(plan, self.core.nominal(plan))
+        self._cameras.sense(awake)
+        return self.core.booked(result)
+
+    def _begin(self, rows: NDArray[np.int64], page: Page) -> None:
+        """Give worlds new episodes, and a page what they show then: nothing was decided in them."""
+        self._restart(rows)
+        page.numbers[rows] = 0.0
+        self.core.show(rows, page)
+
+    def _rest(self, before: NDArray[np.bool_], page: Page) -> None:
+        """Let worlds that are over show their end, those that were so ``before`` without a decision."""
+        page.numbers[before, : self._scores] = 0.0
+        ends = {"terminated": page.terminated, "truncated": page.truncated, "scores": page.numbers[:, self._scores :]}
+        self._ended.show(before, ends)
+        ending = (page.terminated | page.truncated) & ~before
+        if ending.any():
+            self._ended.keep(ending, self._seen(page, ending) | ends)
 
     def _refuse_unready(self) -> None:
         """Refuse to go on after ``close``, and while a world was never reset."""
@@ -338,41 +344,40 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
 
     def _standing(self, present: NDArray[np.bool_]) -> tuple[Observation, dict[str, Any]]:
         """Observation and info before any decision."""
-        observation, n = self._observe(), self.num_envs
-        nothing = np.zeros((n, len(self.core.reward_names))), np.zeros((n, len(self.core.phase_names)))
-        return observation, self._info(*nothing, present)
-
-    def _seen(self, rows: NDArray[np.bool_] | None = None) -> Observation:
-        """What the worlds, or of pictures those of ``rows`` (B,), show now."""
-        features = self.core.observe()
-        return self._cameras.observe(features, rows) if self._cameras else features
-
-    def _observe(self) -> Observation:
-        awake = ~self._over if self.autoreset_mode is AutoresetMode.DISABLED else None
-        observation = self._seen(awake)
+        page = self.core.show()
         if self.autoreset_mode is AutoresetMode.DISABLED:
+            self._ended.show(self._over, {"scores": page.numbers[:, self._scores :]})
+        return self._observation(page), self._info(page.numbers, present)
+
+    @property
+    def _scores(self) -> int:
+        """The first column of the scores in a page."""
+        return len(self.core.reward_names) + len(self.core.phase_names)
+
+    def _seen(self, page: Page, rows: NDArray[np.bool_] | None = None) -> Observation:
+        """What the worlds, or of pictures those of ``rows`` (B,), show now."""
+        return self._cameras.observe(page.observation, rows) if self._cameras else page.observation
+
+    def _observation(self, page: Page) -> Observation:
+        resting = self.autoreset_mode is AutoresetMode.DISABLED
+        observation = self._seen(page, ~self._over if resting else None)
+        if resting:
             self._ended.show(self._over, observation)
         self._mask = observation["action_mask"].copy()
         return observation
 
-    def _info(self, terms: Array, phases: Array, present: NDArray[np.bool_]) -> dict[str, Any]:
-        core, scores = self.core, self.core.scores()
-        if self.autoreset_mode is AutoresetMode.DISABLED:
-            self._ended.show(self._over, {"scores": scores})
-        parts = {
-            "rewards": NamedColumns(core.reward_names, terms, present),
-            "phases_s": NamedColumns(core.phase_names, phases, present),
-            "scorecard": NamedColumns(core.score_names, scores, present),
+    def _info(self, numbers: Array, present: NDArray[np.bool_]) -> dict[str, Any]:
+        core, phases, scores = self.core, len(self.core.reward_names), self._scores
+        blocks = {
+            "rewards": (core.reward_names, numbers[:, :phases]),
+            "phases_s": (core.phase_names, numbers[:, phases:scores]),
+            "scorecard": (core.score_names, numbers[:, scores:]),
         }
-        mask = np.where(present[:, None], self._mask, np.int8(0))
-        info: dict[str, Any] = {"action_mask": mask, "_action_mask": present.copy()}
-        for name, part in parts.items():
-            info[name], info["_" + name] = part, present.copy()
-        return info
+        return info_of(blocks, self._mask, present)
 
-    def _final(self, terms: Array, phases: Array) -> dict[str, Any]:
+    def _final(self, page: Page) -> dict[str, Any]:
         """The last observation and info of the worlds that end now, in Gymnasium's layout."""
-        batch = self._seen(self._over)
+        batch = self._seen(page, self._over)
         self._mask = batch["action_mask"].copy()
         last = np.full(self.num_envs, None, object)
         for row in np.flatnonzero(self._over):
@@ -380,19 +385,10 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         return {
             "final_obs": last,
             "_final_obs": self._over.copy(),
-            "final_info": self._info(terms, phases, self._over),
+            "final_info": self._info(page.numbers, self._over),
             "_final_info": self._over.copy(),
         }
 
     def _checked(self, actions: Any) -> NDArray[np.int64]:
         self._refuse_unready()
-        n = int(self.core.action_space.n)
-        numbers = np.asarray(actions)
-        if numbers.shape != (self.num_envs,) or numbers.dtype.kind not in "iu":
-            raise ValueError(
-                f"actions are {numbers.dtype} of shape {numbers.shape}: give {self.num_envs} integers in 0..{n - 1}"
-            )
-        if numbers.min() < 0 or numbers.max() >= n:
-            bad = int(np.flatnonzero((numbers < 0) | (numbers >= n))[0])
-            raise ValueError(f"action {int(numbers[bad])} of world {bad}: allowed range 0..{n - 1}")
-        return numbers.astype(np.int64)
+        return checked_actions(actions, self.num_envs, int(self.core.action_space.n))

@@ -13,11 +13,20 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .binding import bind, by_kind
     from .compiling import compiled
+    from .desks import desk, planned
     from .rows import copy, fill
 
-__all__ = ["bind", "by_kind", "compiled", "copy", "fill"]
+__all__ = ["bind", "by_kind", "compiled", "copy", "desk", "fill", "planned"]
 
-_MODULES = {"bind": "binding", "by_kind": "binding", "compiled": "compiling", "copy": "rows", "fill": "rows"}
+_MODULES = {
+    "bind": "binding",
+    "by_kind": "binding",
+    "compiled": "compiling",
+    "copy": "rows",
+    "desk": "desks",
+    "fill": "rows",
+    "planned": "desks",
+}
 
 
 def __getattr__(name: str) -> Any:

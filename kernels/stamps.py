@@ -154,6 +154,10 @@ class _Walk:
             self.kind(getattr(argument, "instance_class", tuple))
         elif isinstance(argument, types.Dispatcher):
             self.value(argument.dispatcher, stamp)
+        elif isinstance(argument, types.StructRef):
+            for field, inner in argument.field_dict.items():
+                self.write(field)
+                self.type(inner)
         for name in _PARTS:
             part = getattr(argument, name, ())
             for inner in dict.fromkeys(part if isinstance(part, tuple) else (part,)):

@@ -10,15 +10,16 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore, observation_space, outside
+from ..core import Array, Rows, StepResult, observation_space, outside
+from ..kernel_core import KernelCore
 from .batch import Batch, Tracks, stack, unstack
 from .config import EFFORTS, STAGES, PerceptionModel, SafflowerConfig
 from .drawing import draw_batch, reach_table
 from .features import ACROSS_SCALE_M, HEIGHT_SCALE_M, LIMIT, SIZE_SCALE_M, C, Candidate, Machine
 from .field import SafflowerField
 from .filling import completed, row_limits_m
-from .rules import apply_worlds, fill_rows, observe_worlds, plan_worlds, score_worlds
-from .state import PickerPlan, R, Rewards, Scores, T, empty_worlds, tables_of
+from .rules import apply_worlds, decide_worlds, fill_rows, plan_worlds, show_worlds
+from .state import PickerPlan, R, Rewards, Scores, T, Tables, empty_worlds, tables_of
 from .timing import DRIVE, NOTHING, Phases, levels_s
 
 
@@ -29,7 +30,7 @@ class PickerOutcome(NamedTuple):
     tool: Array
 
 
-class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
+class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
     """Batched picking task. An action is ``slot * 3 + effort``; the last action drives on.
 
     Args:
@@ -47,6 +48,7 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     machine_features = names(Machine)
     candidate_features = names(Candidate)
     field_type = SafflowerField
+    deciding, showing = staticmethod(decide_worlds), staticmethod(show_worlds)
 
     def __init__(self, config: SafflowerConfig, perception: PerceptionModel | None, worlds: int = 1):
         """Allocate the state."""
@@ -146,6 +148,10 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
         fill_rows(state, rows)
         state.look_due[row] = False
 
+    def rules(self) -> tuple[Tables]:
+        """See ``KernelCore``."""
+        return (self.tables,)
+
     def plan(self, actions: NDArray[np.int64]) -> PickerPlan:
         """Turn actions (B,) into motions and nominal phase times."""
         return plan_worlds(self.tables, self.state, actions)
@@ -157,15 +163,6 @@ class SafflowerCore(TaskCore[PickerPlan, PickerOutcome]):
     def apply(self, plan: PickerPlan, outcome: PickerOutcome) -> StepResult:
         """Cut, collect, book the time and move to the next decision."""
         return apply_worlds(self.tables, self.state, plan, outcome.phases_s, outcome.tool)
-
-    def observe(self) -> dict[str, NDArray[np.float32 | np.int8]]:
-        """What the machine knows: itself, the candidates of this stop, what it may do."""
-        machine, candidates, mask = observe_worlds(self.tables, self.state)
-        return {"machine": machine, "candidates": candidates, "action_mask": mask}
-
-    def scores(self) -> Array:
-        """Scorecard so far; see ``score_names``. The net rate is eq. 35 over every open head of the field."""
-        return score_worlds(self.state.totals, self.state.stop)
 
     def misplaced(self) -> str:
         """See ``TaskCore.misplaced``."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...kernels import compiled
 from ..core import Array, StepResult
+from ..kernel_core import book
 from .features import ACROSS_SCALE_M, AHEAD_SCALE_M, HEIGHT_SCALE_M, LIMIT, TRAVEL_SCALE_S, C, M
 from .process import collected_share, cut_share
 from .state import E, PickerPlan, R, S, T, Tables, Worlds
@@ -162,20 +165,24 @@ def shown(value: float, scale: float) -> float:
 
 
 @compiled
-def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int8]]:
-    """Features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, 3 K + 1)."""
-    n, slots = worlds.slot_report.shape[0], worlds.slot_report.shape[1] - 1
-    machine = np.empty((n, len(M)), np.float32)
-    candidates = np.empty((n, slots * len(C)), np.float32)
-    mask = np.empty((n, DRIVE * slots + 1), np.int8)
-    for w in range(n):
+def observe_worlds(
+    tables: Tables,
+    worlds: Worlds,
+    rows: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+) -> None:
+    """Write features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, 3 K + 1), of ``rows``."""
+    slots = worlds.slot_report.shape[1] - 1
+    for w in rows:
         stop, pose = worlds.stop[w], worlds.pose[w]
         machine[w, M.ahead] = shown(pose[0] - tables.stop_pose[stop, 0], AHEAD_SCALE_M)
         machine[w, M.across] = shown(pose[1] - tables.stop_pose[stop, 1], ACROSS_SCALE_M)
         machine[w, M.height] = shown(pose[2] - tables.stop_pose[stop, 2], HEIGHT_SCALE_M)
         machine[w, M.time] = shown(worlds.totals[w, T.time], tables.time_limit_s)
         machine[w, M.stops_left] = 1.0 - (1.0 + stop) / len(tables.stop_pose)
-        machine[w, M.remaining] = shown(worlds.remaining[w], slots)
+        machine[w, M.remaining] = shown(float(worlds.remaining[w]), slots)
         for k in range(slots):
             report = worlds.slot_report[w, k]
             column = k * len(C)
@@ -185,36 +192,71 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
                 # Tool and cart travel side by side after the rise that every candidate shares; see plan_worlds.
                 along = worlds.track_target[w, report, 0] - pose[0]
                 across = worlds.track_target[w, report, 1] - pose[1]
-                travel_s = worlds.rise_s[w] + beside_s(tables.rates, along, across) + worlds.track_descent_s[w, report]
+                beside = beside_s(tables.rates, along, across)
+                travel_s = float(worlds.rise_s[w]) + beside + float(worlds.track_descent_s[w, report])
                 candidates[w, column + C.along] = shown(along, AHEAD_SCALE_M)
                 candidates[w, column + C.travel] = shown(travel_s, TRAVEL_SCALE_S)
             for effort in range(DRIVE):
                 mask[w, DRIVE * k + effort] = worlds.track_legal[w, report]
         mask[w, -1] = 1
-    return machine, candidates, mask
 
 
 @compiled
-def score_worlds(totals: Array, stop: NDArray[np.int64]) -> Array:
-    """Scorecard so far (B, scores); the net rate counts every open head of the field."""
-    result = np.empty((len(totals), len(S)))
-    for w in range(len(result)):
-        of = totals[w]
+def score_worlds(totals: Array, stop: NDArray[np.int64], rows: NDArray[np.int64], numbers: Array) -> None:
+    """Write the scorecard so far of ``rows`` into the last columns (B, .); the net rate counts every open head."""
+    first = numbers.shape[1] - len(S)
+    for w in rows:
+        of, score = totals[w], numbers[w, first:]
         per_minute = 60.0 / of[T.time] if of[T.time] > 0.0 else 0.0
-        result[w, S.net_rate] = of[T.gained] / max(of[T.total], 1e-12)
-        result[w, S.cycle_time_s] = of[T.last] / max(of[T.done], 1.0)
-        result[w, S.throughput_per_min] = of[T.done] * per_minute
-        result[w, S.duration_s] = of[T.time]
-        result[w, S.done] = of[T.done]
-        result[w, S.missed] = of[T.missed]
-        result[w, S.damaged] = of[T.damaged]
-        result[w, S.illegal] = of[T.illegal]
+        score[S.net_rate] = of[T.gained] / max(of[T.total], 1e-12)
+        score[S.cycle_time_s] = of[T.last] / max(of[T.done], 1.0)
+        score[S.throughput_per_min] = of[T.done] * per_minute
+        score[S.duration_s] = of[T.time]
+        score[S.done] = of[T.done]
+        score[S.missed] = of[T.missed]
+        score[S.damaged] = of[T.damaged]
+        score[S.illegal] = of[T.illegal]
         for phase in range(len(P)):
-            result[w, S.phase_recognise_s + phase] = of[T.recognise + phase]
-        result[w, S.collected_g] = of[T.gained]
-        result[w, S.dropped_g] = of[T.dropped]
-        result[w, S.total_g] = of[T.total]
-        result[w, S.wasted] = of[T.wasted]
-        result[w, S.grams_per_min] = of[T.gained] * per_minute
-        result[w, S.stop] = stop[w]
-    return result
+            score[S.phase_recognise_s + phase] = of[T.recognise + phase]
+        score[S.collected_g] = of[T.gained]
+        score[S.dropped_g] = of[T.dropped]
+        score[S.total_g] = of[T.total]
+        score[S.wasted] = of[T.wasted]
+        score[S.grams_per_min] = of[T.gained] * per_minute
+        score[S.stop] = stop[w]
+
+
+@compiled
+def decide_worlds(
+    desk: Any,
+    rows: NDArray[np.int64],
+    actions: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+    numbers: Array,
+    terminated: NDArray[np.bool_],
+    truncated: NDArray[np.bool_],
+) -> None:
+    """A decision in all worlds that goes as planned; see ``KernelCore``."""
+    (tables,), worlds = desk.rules, desk.worlds
+    plan = plan_worlds(tables, worlds, actions)
+    desk.plan = plan
+    book(apply_worlds(tables, worlds, plan, plan.phases_s, plan.target), numbers, terminated, truncated)
+    observe_worlds(tables, worlds, rows, machine, candidates, mask)
+    score_worlds(worlds.totals, worlds.stop, rows, numbers)
+
+
+@compiled
+def show_worlds(
+    desk: Any,
+    rows: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+    numbers: Array,
+) -> None:
+    """What ``rows`` show; see ``KernelCore``."""
+    (tables,), worlds = desk.rules, desk.worlds
+    observe_worlds(tables, worlds, rows, machine, candidates, mask)
+    score_worlds(worlds.totals, worlds.stop, rows, numbers)

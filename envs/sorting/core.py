@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 
 from ..arrays import allocated
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore, observation_space, outside
+from ..core import Array, Rows, StepResult, observation_space, outside
 from ..field import ABSENT, Camera
+from ..kernel_core import KernelCore
 from .columns import ITEM, LIMIT, TOTAL, TRUTH, Candidate, Item, Machine, Phases, Rewards, Scores
 from .completing import check_fit, completed, window
 from .config import GRADES, PerceptionModel, SortingConfig
 from .drawing import CameraModel, Stream, draw_streams, report_streams
 from .field import ProduceField, Streams, reports_of, stacked, unstacked
 from .reports import begin_worlds, take_reports
-from .rules import apply_worlds, end_phases, foresee_worlds, grip_worlds, observe_worlds, plan_worlds, score_worlds
+from .rules import apply_worlds, decide_worlds, end_phases, foresee_worlds, grip_worlds, plan_worlds, show_worlds
 from .state import PICK, WAIT, Grip, SorterPlan, Tables, Worlds
 
 
@@ -32,7 +33,7 @@ class SorterOutcome(NamedTuple):
     grip: Grip
 
 
-class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
+class SortingCore(KernelCore[SorterPlan, SorterOutcome]):
     """Batched sorting task. Action k grips the candidate in slot k; the last action waits.
 
     Args:
@@ -47,6 +48,7 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
     machine_features = names(Machine)
     candidate_features = names(Candidate)
     field_type = ProduceField
+    deciding, showing = staticmethod(decide_worlds), staticmethod(show_worlds)
 
     def __init__(self, config: SortingConfig, perception: PerceptionModel | None, worlds: int = 1):
         """Allocate the state."""
@@ -117,6 +119,10 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
         """
         take_reports(self.tables, self.state, np.array([row]), reports[None])
 
+    def rules(self) -> tuple[Tables]:
+        """See ``KernelCore``."""
+        return (self.tables,)
+
     def plan(self, actions: NDArray[np.int64]) -> SorterPlan:
         """Turn actions (B,) into motions and nominal phase times."""
         return plan_worlds(self.tables, self.state, actions)
@@ -144,15 +150,6 @@ class SortingCore(TaskCore[SorterPlan, SorterOutcome]):
     def apply(self, plan: SorterPlan, outcome: SorterOutcome) -> StepResult:
         """Book the item and the time, and move to the next decision."""
         return apply_worlds(self.tables, self.state, plan, outcome.grip, outcome.phases_s)
-
-    def observe(self) -> dict[str, NDArray[np.float32 | np.int8]]:
-        """What the machine knows: itself, the items that it has seen and that have not left, what it may do."""
-        machine, candidates, mask = observe_worlds(self.tables, self.state)
-        return {"machine": machine, "candidates": candidates, "action_mask": mask}
-
-    def scores(self) -> Array:
-        """Scorecard so far; see ``score_names``. The net rate's denominator is every item of the stream."""
-        return score_worlds(self.state.totals)
 
     def misplaced(self) -> str:
         """See ``TaskCore.misplaced``."""

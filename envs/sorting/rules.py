@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...kernels import compiled, copy, fill
 from ..core import Array, StepResult
+from ..kernel_core import book
 from .columns import (
     CANDIDATE,
     CYCLE_SCALE_S,
@@ -22,7 +24,6 @@ from .columns import (
     TRUTH,
     WAIT_SCALE_S,
     Candidate,
-    Machine,
     Phases,
     Rewards,
     Scores,
@@ -31,7 +32,7 @@ from .reports import fate, show_reports, shown
 from .state import NOTHING, PICK, WAIT, Grip, SorterPlan, Tables, Worlds
 from .timing import look, turn_s
 
-_MACHINE, _FEATURES = len(Machine._fields), len(Candidate._fields)
+_FEATURES = len(Candidate._fields)
 _PHASES, _REWARDS, _SCORES = len(Phases._fields), len(Rewards._fields), len(Scores._fields)
 
 
@@ -197,14 +198,20 @@ def put_down(tables: Tables, grade: int, reported: int, lost: bool, totals: Arra
 
 
 @compiled
-def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int8]]:
-    """Features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, K + 1)."""
-    n, slots, empty = len(worlds.place), worlds.slot_report.shape[1], worlds.number.shape[1] - 1
-    machine = np.empty((n, _MACHINE), np.float32)
-    candidates = np.zeros((n, slots * _FEATURES), np.float32)
-    mask = np.zeros((n, slots + 1), np.int8)
+def observe_worlds(
+    tables: Tables,
+    worlds: Worlds,
+    rows: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+) -> None:
+    """Write features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, K + 1), of ``rows``."""
+    slots, empty = worlds.slot_report.shape[1], worlds.number.shape[1] - 1
     paces, speed = tables.paces, tables.paces.speed_m_s
-    for w in range(n):
+    for w in rows:
+        fill(candidates[w], 0.0)
+        fill(mask[w], 0)
         time_s, taken = worlds.totals[w, TOTAL.time_s], 0
         x, y, level = worlds.place[w, 0], worlds.place[w, 1], worlds.level[w]
         for k in range(slots):
@@ -233,15 +240,14 @@ def observe_worlds(tables: Tables, worlds: Worlds) -> tuple[NDArray[np.float32],
         machine[w, MACHINE.turned] = math.sqrt(max(1.0 - worlds.turn[w, 0] * worlds.turn[w, 0], 0.0))
         machine[w, MACHINE.time] = shown(time_s / tables.time_limit_s)
         machine[w, MACHINE.in_view] = taken / slots
-    return machine, candidates, mask
 
 
 @compiled
-def score_worlds(totals: Array) -> Array:
-    """Scorecard so far (B, ``Scores``): the net rate's denominator is every item of the stream."""
-    result = np.empty((len(totals), _SCORES))
-    for w in range(len(totals)):
-        t, score = totals[w], result[w]
+def score_worlds(totals: Array, rows: NDArray[np.int64], numbers: Array) -> None:
+    """Write the scorecard so far of ``rows`` into the last columns (B, .); the net rate counts every item."""
+    first = numbers.shape[1] - _SCORES
+    for w in rows:
+        t, score = totals[w], numbers[w, first:]
         per_minute = 60.0 / max(t[TOTAL.time_s], 1e-9)
         score[SCORE.net_rate] = t[TOTAL.placed] / max(t[TOTAL.items], 1.0)
         score[SCORE.cycle_time_s] = t[TOTAL.last_placed_s] / max(t[TOTAL.placed], 1.0)
@@ -258,4 +264,41 @@ def score_worlds(totals: Array) -> Array:
         score[SCORE.total] = t[TOTAL.items]
         score[SCORE.picks_per_min] = t[TOTAL.picks] * per_minute
         score[SCORE.pick_cycle_s] = t[TOTAL.last_pick_s] / max(t[TOTAL.picks], 1.0)
-    return result
+
+
+@compiled
+def decide_worlds(
+    desk: Any,
+    rows: NDArray[np.int64],
+    actions: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+    numbers: Array,
+    terminated: NDArray[np.bool_],
+    truncated: NDArray[np.bool_],
+) -> None:
+    """A decision in all worlds that goes as planned; see ``KernelCore``."""
+    (tables,), worlds = desk.rules, desk.worlds
+    plan = plan_worlds(tables, worlds, actions)
+    desk.plan = plan
+    grip = foresee_worlds(worlds, plan.report)
+    phases_s = end_phases(plan, grip.held, tables.paces.stop_s)
+    book(apply_worlds(tables, worlds, plan, grip, phases_s), numbers, terminated, truncated)
+    observe_worlds(tables, worlds, rows, machine, candidates, mask)
+    score_worlds(worlds.totals, rows, numbers)
+
+
+@compiled
+def show_worlds(
+    desk: Any,
+    rows: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+    numbers: Array,
+) -> None:
+    """What ``rows`` show; see ``KernelCore``."""
+    (tables,), worlds = desk.rules, desk.worlds
+    observe_worlds(tables, worlds, rows, machine, candidates, mask)
+    score_worlds(worlds.totals, rows, numbers)

@@ -10,7 +10,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore, observation_space, outside
+from ..core import Array, Rows, StepResult, observation_space, outside
+from ..kernel_core import KernelCore
 from .columns import (
     MOVE_SCALE_S,
     PLACE_SCALE_M,
@@ -40,10 +41,9 @@ from .rules import (
     TransplantPlan,
     Worlds,
     apply_worlds,
-    observe_worlds,
     plan_worlds,
-    score_worlds,
 )
+from .showing import decide_worlds, show_worlds
 from .timing import Places, Times, places, times
 
 
@@ -54,7 +54,7 @@ class TransplantOutcome(NamedTuple):
     error_m: Array
 
 
-class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
+class TransplantingCore(KernelCore[TransplantPlan, TransplantOutcome]):
     """Batched transplanting task.
 
     An action is ``pair * 3 + speed``, ``3 K`` moves the source conveyor on, ``3 K + 1`` the target conveyor. K counts
@@ -73,6 +73,7 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
     machine_features = names(Machine)
     candidate_features = names(Candidate)
     field_type = TrayField
+    deciding, showing = staticmethod(decide_worlds), staticmethod(show_worlds)
 
     def __init__(self, config: TransplantingConfig, perception: PerceptionModel | None, worlds: int = 1):
         """Allocate the state."""
@@ -169,6 +170,10 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
             state.target_reports[row, state.target_row[row]] = target
         state.look_due[row] = False
 
+    def rules(self) -> tuple[Times, Terms, FixedFeatures]:
+        """See ``KernelCore``."""
+        return self.times, self.terms, self._fixed
+
     def plan(self, actions: NDArray[np.int64]) -> TransplantPlan:
         """Turn actions (B,) into motions and nominal phase times."""
         return plan_worlds(self.times, self.terms.extraction, self.state, actions)
@@ -181,19 +186,10 @@ class TransplantingCore(TaskCore[TransplantPlan, TransplantOutcome]):
         """Move plugs, index rows, book the time."""
         return apply_worlds(self.terms, self.state, plan, outcome.phases_s, outcome.error_m)
 
-    def observe(self) -> dict[str, NDArray[np.float32 | np.int8]]:
-        """What the machine knows: itself, the pairs of the presented rows, what it may do."""
-        machine, candidates, mask = observe_worlds(self.times, self._fixed, self.terms.time_limit_s, self.state)
-        return {"machine": machine, "candidates": candidates, "action_mask": mask}
-
     def cells_of_pair(self, pair: int) -> tuple[int, int]:
         """Places of a pair's source and target cell, see ``timing.Places``."""
         source, target = divmod(pair, self.target_shape[1])
         return source, self.source_shape[1] + target
-
-    def scores(self) -> Array:
-        """Scorecard so far, see ``Scores``."""
-        return score_worlds(self.state)
 
     def misplaced(self) -> str:
         """See ``TaskCore.misplaced``."""

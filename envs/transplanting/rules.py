@@ -11,22 +11,14 @@ from ...kernels import compiled
 from ..columns import names
 from ..core import Array, StepResult
 from .columns import (
-    MOVE_SCALE_S,
-    NEXT_SOURCE,
-    NEXT_TARGET,
-    SHOWN,
-    C,
     Candidate,
     E,
     H,
     L,
-    M,
-    Machine,
     P,
     Phases,
     R,
     Rewards,
-    S,
     Scores,
     T,
     W,
@@ -39,7 +31,7 @@ INDEX_SOURCE, INDEX_TARGET, NOTHING, FINISH = range(len(SPEEDS), len(SPEEDS) + 4
 """Kinds of decision after the three speeds: move a conveyor on, an illegal action, send the last row away."""
 
 _SPEEDS, _PHASES, _REWARDS = len(SPEEDS), len(names(Phases)), len(names(Rewards))
-_MACHINE, _FEATURES, _SCORES = len(names(Machine)), len(names(Candidate)), len(names(Scores))
+_FEATURES, _SCORES = len(names(Candidate)), len(names(Scores))
 
 
 class Terms(NamedTuple):
@@ -288,83 +280,3 @@ def index_source(worlds: Worlds, w: int) -> float:
     worlds.totals[w, T.wasted] += wasted
     worlds.source_row[w] += 1
     return wasted
-
-
-@compiled
-def observe_worlds(
-    times: Times, fixed: FixedFeatures, time_limit_s: float, worlds: Worlds
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int8]]:
-    """Features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, 3 K + 2)."""
-    count, n, m = len(worlds.place), worlds.source_reports.shape[2], worlds.target_reports.shape[2]
-    source_rows, target_rows = worlds.source_reports.shape[1] - 1, worlds.target_reports.shape[1] - 1
-    machine = np.empty((count, _MACHINE), np.float32)
-    candidates = np.zeros((count, n * m * _FEATURES), np.float32)
-    mask = np.zeros((count, _SPEEDS * n * m + 2), np.int8)
-    for w in range(count):
-        place, row, target_row = worlds.place[w], worlds.source_row[w], worlds.target_row[w]
-        usable = 0
-        for source in range(n):
-            ready = worlds.source_reports[w, row, source]
-            if ready == EMPTY:
-                continue
-            usable += 1
-            for target in range(m):
-                known = worlds.target_reports[w, target_row, target]
-                if known == HEALTHY:
-                    continue
-                pair, clear = source * m + target, known == POOR
-                first = pair * _FEATURES
-                for column in range(_FEATURES):
-                    candidates[w, first + column] = fixed.pair[pair, column]
-                approach_s = times.approach[CLEARING if clear else STRAIGHT, place, pair, W.s]
-                candidates[w, first + C.approach] = min(approach_s / MOVE_SCALE_S, SHOWN)
-                candidates[w, first + C.source_poor] = 1.0 if ready == POOR else 0.0
-                candidates[w, first + C.clear] = 1.0 if clear else 0.0
-                for speed in range(_SPEEDS):
-                    mask[w, _SPEEDS * pair + speed] = 1
-        gaps = 0
-        for target in range(m):
-            if worlds.target_reports[w, target_row, target] != HEALTHY:
-                gaps += 1
-        machine[w, M.place], machine[w, M.down] = (
-            fixed.place[place, M.place],
-            fixed.place[place, M.down],
-        )
-        machine[w, M.time] = min(worlds.totals[w, T.time] / time_limit_s, SHOWN)
-        machine[w, M.source_rows] = 1.0 - (row + 1.0) / source_rows
-        machine[w, M.target_rows] = 1.0 - (target_row + 1.0) / target_rows
-        machine[w, M.ready] = usable / n
-        machine[w, M.gaps] = gaps / m
-        mask[w, NEXT_SOURCE] = row + 1 < source_rows
-        mask[w, NEXT_TARGET] = 1
-    return machine, candidates, mask
-
-
-@compiled
-def score_worlds(worlds: Worlds) -> Array:
-    """Scorecard so far (B, .), see ``Scores``."""
-    result = np.empty((len(worlds.totals), _SCORES))
-    for w in range(len(result)):
-        totals = worlds.totals[w]
-        missed = totals[T.cells] - totals[T.healthy]
-        result[w, S.net_rate] = totals[T.healthy] / totals[T.cells]
-        result[w, S.cycle_time_s] = totals[T.last] / max(totals[T.done], 1.0)
-        result[w, S.throughput_per_min] = 60.0 * totals[T.done] / max(totals[T.time], 1e-9)
-        result[w, S.duration_s] = totals[T.time]
-        result[w, S.done] = totals[T.done]
-        result[w, S.missed] = missed
-        result[w, S.damaged] = totals[T.damaged]
-        result[w, S.illegal] = totals[T.illegal]
-        for phase in range(_PHASES):
-            result[w, S.phase_travel_s + phase] = totals[T.travel_s + phase]
-        result[w, S.lost] = totals[T.lost]
-        result[w, S.torn] = totals[T.torn]
-        result[w, S.wasted] = totals[T.wasted]
-        result[w, S.cleared] = totals[T.cleared]
-        result[w, S.transplants] = totals[T.transplants]
-        result[w, S.travel_m] = totals[T.travel_m]
-        result[w, S.healthy] = totals[T.healthy]
-        result[w, S.cells] = totals[T.cells]
-        result[w, S.gaps] = totals[T.gaps]
-        result[w, S.filled] = 1.0 - missed / max(totals[T.gaps], 1.0)
-    return result

@@ -11,9 +11,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..columns import names
-from ..core import Array, Rows, StepResult, TaskCore, observation_space, outside
+from ..core import Array, Rows, StepResult, observation_space, outside
 from ..dice import draw_blocks
 from ..field import Camera
+from ..kernel_core import KernelCore
 from .batch import Batch, crop_index, stack, unstack
 from .config import SPECIES, FieldTask
 from .drawing import draw_plants, draw_tracks, random_numbers, track_capacity
@@ -23,7 +24,7 @@ from .filling import REAL_M, completed, window
 from .perception import PerceptionModel
 from .process import WeedingProcess
 from .rules import apply_worlds, legal_option, move_up_rows, plan_worlds
-from .showing import observe_worlds, score_worlds
+from .showing import decide_worlds, show_worlds
 from .state import BLOCKS, CROP_KIND, MODES, PAD, WAIT, Common, N, Own, R, Rewards, WeederPlan, empty_worlds, tables_of
 from .timing import G, Moving, ready
 
@@ -35,7 +36,7 @@ class WeederOutcome(NamedTuple):
     hit: Array
 
 
-class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
+class WeedingCore(KernelCore[WeederPlan, WeederOutcome]):
     """Batched weeding task.
 
     An action is ``slot * 3 + mode``; ``3 K`` waits a moment. With ``speed_control`` there are three such blocks: hold
@@ -53,6 +54,7 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
     machine_features = names(Machine)
     candidate_features = names(Candidate)
     field_type = WeedField
+    deciding, showing = staticmethod(decide_worlds), staticmethod(show_worlds)
 
     def __init__(
         self,
@@ -206,6 +208,10 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
         state.track_near[row, track, N.weed], state.track_near[row, track, N.crop] = nearest, int(crop[0])
         state.track_real[row, track] = bool(gap_m < REAL_M)
 
+    def rules(self) -> tuple[Any, ...]:
+        """See ``KernelCore``: the tables, the arm, the work."""
+        return self.tables, self.machine, self.process.work
+
     def plan(self, actions: NDArray[np.int64]) -> WeederPlan:
         """Turn actions (B,) into what the machine has to do."""
         return plan_worlds(self.tables, self.machine, self.state, actions)
@@ -217,17 +223,6 @@ class WeedingCore(TaskCore[WeederPlan, WeederOutcome]):
     def apply(self, plan: WeederPlan, outcome: WeederOutcome) -> StepResult:
         """Treat plants, book the time, drive on."""
         return apply_worlds(self.tables, self.process.work, self.state, plan, outcome.phases_s, outcome.hit)
-
-    def observe(self) -> dict[str, NDArray[np.float32 | np.int8]]:
-        """What the machine knows: itself, the candidates in the order in which they leave, what it may do."""
-        machine, candidates, mask = observe_worlds(self.tables, self.machine, self.state)
-        return {"machine": machine, "candidates": candidates, "action_mask": mask}
-
-    def scores(self) -> Array:
-        """Scorecard so far; see ``score_names``. The net rate counts every true weed of the band, missed ones too."""
-        tables, s = self.tables, self.state
-        known = s.totals, s.phases_s, s.weeds, s.crops_in_strip, s.cart, s.track_count
-        return score_worlds(tables.start_m, tables.ha_s_per_m_h, *known)
 
     def misplaced(self) -> str:
         """See ``TaskCore.misplaced``."""

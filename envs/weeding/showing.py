@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernels import compiled
+from ...kernels import compiled, fill
 from ..core import Array
+from ..kernel_core import book
 from .features import ALONG_SCALE_M, LEAVES_SCALE_S, LIMIT, SPEED_SCALE, TIME_SCALE_S, C, M
-from .rules import approach_slot
-from .state import BLOCKS, MODES, OWN, S, T, Tables, Worlds
+from .rules import apply_worlds, approach_slot, plan_worlds
+from .state import MODES, OWN, S, T, Tables, Worlds
 from .timing import A, G
 
 NORMAL = 1
@@ -26,16 +27,21 @@ def held(value: float) -> float:
 
 @compiled
 def observe_worlds(
-    tables: Tables, arm: Any, worlds: Worlds
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int8]]:
-    """Features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, blocks * (3 K + 1))."""
-    n, slots, empty = len(worlds.cart), worlds.slot_track.shape[1], worlds.track_real.shape[1] - 1
+    tables: Tables,
+    arm: Any,
+    worlds: Worlds,
+    rows: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+) -> None:
+    """Write features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, .), of ``rows``."""
+    slots, empty = worlds.slot_track.shape[1], worlds.track_real.shape[1] - 1
     base = MODES * slots + 1
-    machine = np.empty((n, len(M)), np.float32)
-    candidates = np.zeros((n, slots * len(C)), np.float32)
-    mask = np.zeros((n, BLOCKS * base if tables.speed_control else base), np.int8)
-    for w in range(n):
-        cart, speed = worlds.cart[w], worlds.speed[w]
+    for w in rows:
+        fill(candidates[w], 0.0)
+        fill(mask[w], 0)
+        cart, speed = float(worlds.cart[w]), float(worlds.speed[w])
         present = 0
         while present < slots and worlds.slot_track[w, present] != empty:
             present += 1
@@ -43,7 +49,7 @@ def observe_worlds(
         machine[w, M.lean_along] = held(worlds.place[w, A.lean] / arm.scale[A.lean])
         machine[w, M.lean_across] = held(worlds.place[w, A.across] / arm.scale[A.across])
         machine[w, M.speed] = held(speed / SPEED_SCALE)
-        machine[w, M.set_speed] = held(worlds.set_speed[w] / SPEED_SCALE)
+        machine[w, M.set_speed] = held(float(worlds.set_speed[w]) / SPEED_SCALE)
         machine[w, M.progress] = held(cart / tables.strip_m)
         machine[w, M.backlog] = present / slots
         for k in range(present):
@@ -64,29 +70,18 @@ def observe_worlds(
         mask[w, base - 1] = 1
         for action in range(base, mask.shape[1]):
             mask[w, action] = mask[w, action - base]
-    return machine, candidates, mask
 
 
 @compiled
-def score_worlds(
-    start_m: float,
-    ha_s_per_m_h: float,
-    totals: Array,
-    phases_s: Array,
-    weeds: Array,
-    crops: Array,
-    cart: Array,
-    tracks: NDArray[np.int64],
-) -> Array:
-    """Scorecard so far: the common scores, the phases, then the task's own.
+def score_worlds(tables: Tables, worlds: Worlds, rows: NDArray[np.int64], numbers: Array) -> None:
+    """Write the scorecard so far of ``rows`` into the last columns (B, .): the common scores, the phases, the own ones.
 
-    The net rate counts every true weed of the band, missed ones too. The arguments are those of the state that count:
-    each array that a call is handed costs a single world time.
+    The net rate counts every true weed of the band, missed ones too.
     """
-    phases = phases_s.shape[1]
-    result = np.empty((len(totals), len(S) + phases + len(OWN)))
-    for w in range(len(result)):
-        of, there, score, own = totals[w], weeds[w], result[w], len(S) + phases
+    phases = worlds.phases_s.shape[1]
+    first = numbers.shape[1] - (len(S) + phases + len(OWN))
+    for w in rows:
+        of, there, score, own = worlds.totals[w], worlds.weeds[w], numbers[w, first:], len(S) + phases
         time_s, killed, shots = max(of[T.time], 1e-9), of[T.killed], of[T.shots]
         score[S.net_rate] = killed / max(there, 1.0)
         score[S.cycle_time_s] = of[T.last_kill] / max(killed, 1.0)
@@ -95,11 +90,46 @@ def score_worlds(
         score[S.done], score[S.missed] = killed, there - killed
         score[S.damaged], score[S.illegal] = of[T.crop], of[T.illegal]
         for phase in range(phases):
-            score[len(S) + phase] = phases_s[w, phase]
-        score[own + OWN.crop_loss_percent] = 100.0 * of[T.crop] / max(crops[w], 1.0)
+            score[len(S) + phase] = worlds.phases_s[w, phase]
+        score[own + OWN.crop_loss_percent] = 100.0 * of[T.crop] / max(worlds.crops_in_strip[w], 1.0)
         score[own + OWN.joules_per_weed] = of[T.joules] / max(killed, 1.0)
-        score[own + OWN.ha_per_h] = (cart[w] + start_m) / time_s * ha_s_per_m_h
+        score[own + OWN.ha_per_h] = (worlds.cart[w] + tables.start_m) / time_s * tables.ha_s_per_m_h
         score[own + OWN.shots], score[own + OWN.blank_shots] = shots, of[T.blanks]
         score[own + OWN.shot_time_s] = of[T.last_shot] / max(shots, 1.0)
-        score[own + OWN.weeds], score[own + OWN.tracks] = there, tracks[w]
-    return result
+        score[own + OWN.weeds], score[own + OWN.tracks] = there, worlds.track_count[w]
+
+
+@compiled
+def decide_worlds(
+    desk: Any,
+    rows: NDArray[np.int64],
+    actions: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+    numbers: Array,
+    terminated: NDArray[np.bool_],
+    truncated: NDArray[np.bool_],
+) -> None:
+    """A decision in all worlds that goes as planned; see ``KernelCore``."""
+    (tables, arm, work), worlds = desk.rules, desk.worlds
+    plan = plan_worlds(tables, arm, worlds, actions)
+    desk.plan = plan
+    book(apply_worlds(tables, work, worlds, plan, plan.phases_s, plan.aim), numbers, terminated, truncated)
+    observe_worlds(tables, arm, worlds, rows, machine, candidates, mask)
+    score_worlds(tables, worlds, rows, numbers)
+
+
+@compiled
+def show_worlds(
+    desk: Any,
+    rows: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+    numbers: Array,
+) -> None:
+    """What ``rows`` show; see ``KernelCore``."""
+    (tables, arm, _), worlds = desk.rules, desk.worlds
+    observe_worlds(tables, arm, worlds, rows, machine, candidates, mask)
+    score_worlds(tables, worlds, rows, numbers)
