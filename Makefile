@@ -1,6 +1,7 @@
 # make benchmark   the scripted policies on the papers' protocols, in PyBullet; the table ends up in results/quick/
 # make leaderboard every policy on the headline scenarios, under an hour; docs/leaderboard.md and results/report.html
 # make test        the tests
+# make test-portable  those of them that may differ from one Python to another
 # make test-slow   those that take more than a few seconds each
 # make lint        ruff and pyright
 # make pythons     which Pythons this machine has for it, the preferred one first
@@ -14,7 +15,6 @@ PYTHON ?=
 EXTRAS ?= dev
 JOBS ?= 2
 PYENV_ROOT ?= $(HOME)/.pyenv
-VERSIONS := 3.11 3.10 3.12 3.13
 
 # Nothing of an active environment may leak into ours.
 unexport PYTHONPATH
@@ -27,7 +27,7 @@ INPUTS := pyproject.toml constraints.txt Makefile
 CORE := $(VENV)/.fieldgym-core
 FULL := $(VENV)/.fieldgym-$(EXTRAS)
 
-.PHONY: benchmark leaderboard test test-slow lint setup pythons clean
+.PHONY: benchmark leaderboard test test-portable test-slow lint setup pythons clean
 .DEFAULT_GOAL := benchmark
 
 benchmark: $(CORE)
@@ -39,6 +39,10 @@ leaderboard: $(FULL)
 
 test: $(FULL)
 	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+
+# What may differ from one Python to another.
+test-portable: $(FULL)
+	$(BIN)/python -m pytest -n $(JOBS) -m "portable and not slow"
 
 test-slow: $(FULL)
 	$(BIN)/python -m pytest -n $(JOBS) -m slow
@@ -64,8 +68,22 @@ $(FULL): $(CORE)
 	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable ".[$(EXTRAS)]"
 	@touch $@
 
+# One Python of each version that can make environments, the one that is used first: on the path, or pyenv's.
+FIND := for version in 3.11 3.10 3.12 3.13; do \
+    for python in python$$version "$(PYENV_ROOT)"/versions/$$version.*/bin/python python3 python; do \
+        if "$$python" -c 'import sys, venv, ensurepip; sys.exit("%d.%d" % sys.version_info[:2] != "'$$version'")' \
+                >/dev/null 2>&1; then \
+            command -v "$$python"; \
+            break; \
+        fi; \
+    done; \
+done
+
+pythons:
+	@$(FIND)
+
 $(BIN)/python:
-	@python=$(if $(PYTHON),"$(PYTHON)","$$($(MAKE) --silent --no-print-directory pythons | head -n 1)"); \
+	@python=$(if $(PYTHON),"$(PYTHON)","$$($(FIND) | head -n 1)"); \
 	if "$$python" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))' >/dev/null 2>&1; then \
 	    echo "Making $(VENV) with $$("$$python" --version)"; \
 	    exec "$$python" -m venv "$(VENV)"; \
@@ -74,18 +92,6 @@ $(BIN)/python:
 	     "and $(if $(PYTHON),$(PYTHON) is not that,none was found)." >&2; \
 	echo "Install one (Debian, Ubuntu: apt-get install python3.11-venv) or name one: make PYTHON=/path/to/python3.11" >&2; \
 	exit 1
-
-# One Python of each version that can make environments, the one that is used first: on the path, or pyenv's.
-pythons:
-	@for version in $(VERSIONS); do \
-	    for python in python$$version "$(PYENV_ROOT)"/versions/$$version.*/bin/python python3 python; do \
-	        if "$$python" -c 'import sys, venv, ensurepip; sys.exit("%d.%d" % sys.version_info[:2] != "'$$version'")' \
-	                >/dev/null 2>&1; then \
-	            command -v "$$python"; \
-	            break; \
-	        fi; \
-	    done; \
-	done
 
 clean:
 	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -1,8 +1,8 @@
 """Episodes on a cluster: the same records, whatever becomes of a worker; a stand-in for Ray loses some on purpose."""
 
-import builtins
 import os
 import signal
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -148,14 +148,7 @@ def test_a_cluster_that_cannot_be_reached_is_told():
 
 
 def test_without_ray_one_line_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    find = builtins.__import__
-
-    def missing(name: str, *rest: Any, **named: Any) -> Any:
-        if name == "ray":
-            raise ImportError(name)
-        return find(name, *rest, **named)
-
-    monkeypatch.setattr(builtins, "__import__", missing)
+    monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(cluster.EngineError, match="pip install ray"):
         runner.run_suite(SMALL, tmp_path / "results", engine="ray")
     assert not (tmp_path / "results").exists()

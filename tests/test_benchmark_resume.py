@@ -12,6 +12,8 @@ from fieldgym.agents import policy_names
 from fieldgym.benchmark import store
 from fieldgym.benchmark.record import digest, key
 
+pytestmark = pytest.mark.portable
+
 SEEDS = 4
 WORDS = ["benchmark", "--suite", "full", "--env", "SafflowerPicking", "--backend", "analytic", "--episodes", str(SEEDS)]
 CLOCKED = ("decision_ms", "decision_p95_ms", "wall_s")

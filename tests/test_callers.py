@@ -13,6 +13,8 @@ from gymnasium.vector import AutoresetMode
 
 from fieldgym import env_ids
 
+pytestmark = pytest.mark.portable
+
 OWN = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
 PICKER, TRAYS, LASER, SORTER = OWN[0], OWN[1], OWN[2], OWN[-1]
 BACKENDS = ("analytic", "pybullet")

@@ -17,6 +17,8 @@ from fieldgym.benchmark.record import untimed
 from fieldgym.scripts import cli, run
 from fieldgym.scripts.common import CommandError, chosen, environment_id
 
+pytestmark = pytest.mark.portable
+
 ENV = "fieldgym/SafflowerPicking-v0"
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -35,6 +35,8 @@ from fieldgym.kernels.config_fields import entries
 from fieldgym.kernels.config_files import parse_yaml
 from fieldgym.kernels.config_tables import documented, rows, schema
 
+pytestmark = pytest.mark.portable
+
 
 @dataclass(frozen=True)
 class Arm:

@@ -16,6 +16,8 @@ from fieldgym.envs import register
 from fieldgym.envs.vector import TaskVectorEnv
 from fieldgym.testing import ContractError, check_batch, check_policies, check_task
 
+pytestmark = pytest.mark.portable
+
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 OWN = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
 

@@ -11,6 +11,8 @@ import pytest
 from fieldgym.envs.field import Array, Field, FieldError, Flags, Table, Whole, flag, label, number, whole
 from fieldgym.envs.field_files import MAX_BYTES, read_field, write_field
 
+pytestmark = pytest.mark.portable
+
 STAGES = ("bud", "open", "dry")
 
 

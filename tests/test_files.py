@@ -20,6 +20,8 @@ from fieldgym.benchmark.report import leaderboard, page, reader
 from fieldgym.benchmark.suites import BOUND, Case, Condition, Episode, Suite
 from fieldgym.kernels import files, locks
 
+pytestmark = pytest.mark.portable
+
 ROOT = Path(__file__).parents[1]
 WHERE = Condition("fieldgym/SafflowerPicking-v0", "pots", "analytic", "model")
 

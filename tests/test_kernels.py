@@ -19,6 +19,8 @@ from numba.core import config
 
 from fieldgym.kernels import binding, compiled, copy, fill, keeping, stamps
 
+pytestmark = pytest.mark.portable
+
 JIT = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="kernels run as Python")  # type: ignore[attr-defined]
 
 RULES = '''

@@ -11,6 +11,8 @@ from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics
 
 from fieldgym.envs.named import NamedColumns
 
+pytestmark = pytest.mark.portable
+
 VALUES = np.arange(6.0).reshape(3, 2)
 PRESENT = np.array([True, False, True])
 PLAIN = {"a": [0.0, 0.0, 4.0], "_a": PRESENT.tolist(), "b": [1.0, 0.0, 5.0], "_b": PRESENT.tolist()}

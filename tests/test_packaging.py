@@ -11,6 +11,8 @@ import pytest
 
 import fieldgym
 
+pytestmark = pytest.mark.portable
+
 ROOT = Path(__file__).resolve().parents[1]
 NOT_PACKAGED = {"tests", "docs", "build", "dist", "results", "examples"}
 """Top-level folders whose Python files belong to the repository and not to the package."""

@@ -10,6 +10,7 @@ import pytest
 from fieldgym import env_ids
 from fieldgym.kernels.sums import in_order
 
+pytestmark = pytest.mark.portable
 OWN = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
 
 WITHOUT_PYBULLET = """

@@ -8,6 +8,8 @@ import pytest
 
 from fieldgym.simulation.client import PhysicsClient, pybullet
 
+pytestmark = pytest.mark.portable
+
 PACKAGE_PARENT = Path(sys.modules["fieldgym"].__file__ or "").absolute().parent.parent
 
 
