@@ -100,7 +100,7 @@ class Assembly(Generic[ConfigT]):
     def configured(
         self,
         scenario: str | PathLike[str] | None = None,
-        config: ConfigT | None = None,
+        config: ConfigT | Mapping[str, Any] | None = None,
         overrides: Mapping[str, Any] | None = None,
         settings: Mapping[str, Any] | None = None,
     ) -> ConfigT:
@@ -108,7 +108,7 @@ class Assembly(Generic[ConfigT]):
 
         Args:
             scenario: a name, or a YAML file with a scenario's numbers; None for the configuration's own.
-            config: None for the headline scenario's.
+            config: None for the headline scenario's; a mapping of its fields by name is what JSON makes of one.
             overrides: single numbers by dotted name.
             settings: see ``Assembly.settings``; None stands for what was not given.
 
@@ -117,6 +117,8 @@ class Assembly(Generic[ConfigT]):
         """
         if config is None:
             config = self.config()
+        elif isinstance(config, Mapping):
+            config = from_mapping(self.config, config)
         elif not isinstance(config, self.config):
             raise ValueError(f"config is a {type(config).__name__}: this environment takes a {self.config.__name__}")
         if scenario is not None:
@@ -150,7 +152,8 @@ class Assembly(Generic[ConfigT]):
 
 
 KEYWORDS = (
-    "scenario", "backend", "perception", "config", "overrides", "render_mode", "observation", "pixel_rows", "depth"
+    "scenario", "backend", "engine", "perception", "config", "overrides", "render_mode", "observation", "pixel_rows",
+    "depth",
 )  # fmt: skip
 
 
@@ -159,6 +162,17 @@ def meant(name: str, known: Sequence[str]) -> str:
     near = get_close_matches(name, known, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}? " if near else ""
     return f"{hint}choose one of {', '.join(map(repr, known))}"
+
+
+def backend_of(backend: str | None, engine: str | None) -> str | None:
+    """The one that was given of two names of the same keyword.
+
+    Raises:
+        ValueError: both were given, and differ.
+    """
+    if None not in (backend, engine) and backend != engine:
+        raise ValueError(f"backend = {backend!r} and engine = {engine!r}: two names of one keyword, give one of them")
+    return engine if backend is None else backend
 
 
 def choice(name: str, value: object, allowed: Sequence[str]) -> str:

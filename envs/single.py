@@ -13,7 +13,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from ..kernels.sums import in_order
-from .assembly import Assembly, choice
+from .assembly import Assembly, backend_of, choice
 from .core import Executor, NominalExecutor, OutcomeT, Page, PlanT, StepResult, TaskCore, View
 from .field import Field
 from .options import checked_action, checked_options, checked_seed, completed
@@ -36,10 +36,11 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
     Args:
         scenario: a name, or a YAML file with a scenario's numbers; by default the headline.
         backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
+        engine: ``backend`` by another name, for callers that keep a ``backend`` for themselves (TorchRL).
         perception: ``"camera"`` renders pictures and finds targets in them, ``"model"`` draws from statistics measured
             on such pictures, ``"perfect"`` reports everything as it is. By default the camera with PyBullet, the model
             without.
-        config: every number of the task; what else is given replaces its own.
+        config: every number of the task, or a mapping of them by name; what else is given replaces its own.
         overrides: single numbers of the configuration by dotted name, ``{"process.power_w": 150.0}``.
         render_mode: ``"rgb_array"`` (``render`` returns a picture), ``"human"`` (a window follows every decision in
             real time) or None.
@@ -64,6 +65,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         config: Any = None,
         overrides: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
+        engine: str | None = None,
         observation: str = "features",
         pixel_rows: int = DEFAULT_ROWS,
         depth: bool = False,
@@ -75,7 +77,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         parts, rest = self.equipped(settings)
         self._equipment = {name: value for name, value in settings.items() if name not in rest}
         self.shown = Shown.checked(observation, pixel_rows, depth, parts.view is not None)
-        backend = choice("backend", backend or parts.backends[0], parts.backends)
+        backend = choice("backend", backend_of(backend, engine) or parts.backends[0], parts.backends)
         perception = choice("perception", perception or parts.default_perception(backend), parts.perceptions)
         config = parts.configured(scenario, config, overrides, rest)
         self.backend, self.perception, self.scenario = backend, perception, parts.name_of(config.scenario)

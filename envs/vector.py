@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from .assembly import Assembly
+from .assembly import Assembly, backend_of
 from .cameras import Cameras
 from .core import Array, OutcomeT, Page, PlanT, TaskCore
 from .ended import Ended
@@ -41,7 +41,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
     Args:
         num_envs: number of worlds.
         scenario: as in ``TaskEnv``, like all arguments that are not named here.
-        backend: ``"analytic"``.
+        backend: ``"analytic"``; ``engine`` is another name of it.
         perception: ``"model"``, ``"perfect"`` or ``"camera"``: every world has its cameras, they draw the same meshes.
         config: see ``scenario``.
         overrides: see ``scenario``.
@@ -68,12 +68,13 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self,
         num_envs: int = 1,
         scenario: str | PathLike[str] | None = None,
-        backend: str = "analytic",
+        backend: str | None = None,
         perception: str | None = None,
         config: Any = None,
         overrides: Mapping[str, Any] | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
+        engine: str | None = None,
         observation: str = "features",
         pixel_rows: int = DEFAULT_ROWS,
         depth: bool = False,
@@ -82,6 +83,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         """Put the parts together."""
         given = settings
         parts, settings = self.equipped(settings)
+        backend = backend_of(backend, engine) or "analytic"
         perception = parts.batched(backend, perception, render_mode)
         self.shown = Shown.checked(observation, pixel_rows, depth, parts.view is not None)
         config = parts.configured(scenario, config, overrides, settings)
