@@ -111,7 +111,7 @@ def _chain(
                 for r in range(3):
                     for q in range(3):
                         out[r, q] = turn[k, r, 0] * own[0, q] + turn[k, r, 1] * own[1, q] + turn[k, r, 2] * own[2, q]
-                turn[k] = out
+                _write(out, turn, k)
         p = parent[k]
         if p >= 0:
             for r in range(3):
@@ -122,7 +122,15 @@ def _chain(
             x, y, z = shift[k, 0], shift[k, 1], shift[k, 2]
             for r in range(3):
                 shift[k, r] = turn[p, r, 0] * x + turn[p, r, 1] * y + turn[p, r, 2] * z + shift[p, r]
-            turn[k] = out
+            _write(out, turn, k)
+
+
+@compiled
+def _write(matrix: Array, turn: Array, k: int) -> None:
+    """Make ``matrix`` the ``k``-th; Numba's own assignment of a part of an array takes ten seconds to compile."""
+    for r in range(3):
+        for q in range(3):
+            turn[k, r, q] = matrix[r, q]
 
 
 def _painted(link: Link) -> list[tuple[Colour, Mesh]]:
