@@ -248,10 +248,8 @@ def draw_item(stream: Stream, item: Array, u: Array, z: Array) -> None:
     item[ITEM.across_m] = stream.half_width_m * (2.0 * u[U.across] - 1.0)
     item[ITEM.yaw_rad], item[ITEM.azimuth_rad] = math.pi * (u[U.yaw] - 0.5), 2.0 * math.pi * u[U.azimuth]
     item[ITEM.tilt_rad] = min(stream.tilt_sigma_rad * math.sqrt(-2.0 * math.log1p(-u[U.tilt])), stream.tilt_max_rad)
-    item[ITEM.length_m], item[ITEM.width] = (
-        on_raster(stream, kind, 0, u[U.length]),
-        on_raster(stream, kind, 1, u[U.width]),
-    )
+    item[ITEM.length_m] = on_raster(stream, kind, 0, u[U.length])
+    item[ITEM.width] = on_raster(stream, kind, 1, u[U.width])
     item[ITEM.thickness] = item[ITEM.width] * on_raster(stream, kind, 2, u[U.thickness])
     item[ITEM.up_m] = centre_height_m(
         item[ITEM.length_m],
@@ -263,15 +261,11 @@ def draw_item(stream: Stream, item: Array, u: Array, z: Array) -> None:
     )
     second = u[U.ripeness] < stream.ripe_from if kind == FRUIT else item[ITEM.length_m] < stream.ware_from_m
     item[ITEM.grade] = 2.0 * kind + (1.0 if second else 0.0)
-    item[ITEM.ripeness], item[ITEM.skin] = (
-        u[U.ripeness],
-        min(max(u[U.ripeness] + stream.skin_sigma * z[Z.skin], 0.0), 1.0),
-    )
+    item[ITEM.ripeness] = u[U.ripeness]
+    item[ITEM.skin] = min(max(u[U.ripeness] + stream.skin_sigma * z[Z.skin], 0.0), 1.0)
     item[ITEM.grip_luck], item[ITEM.way_luck] = u[U.grip], u[U.way]
-    item[ITEM.slip_along_m], item[ITEM.slip_across_m] = (
-        stream.slip_sigma_m * z[Z.slip_along],
-        stream.slip_sigma_m * z[Z.slip_across],
-    )
+    item[ITEM.slip_along_m] = stream.slip_sigma_m * z[Z.slip_along]
+    item[ITEM.slip_across_m] = stream.slip_sigma_m * z[Z.slip_across]
 
 
 @compiled
@@ -332,15 +326,10 @@ def draw_ghosts(stream: Stream, camera: CameraModel, draws: Array, reports: Arra
             break
         report = reports[g]
         report[REPORT.passing_s] = stream.stream_s * u[GHOST.passing, g] - stream.start_s
-        report[REPORT.across_m], report[REPORT.up_m] = (
-            stream.half_width_m * (2.0 * u[GHOST.across, g] - 1.0),
-            _GHOST_CENTRE_M,
-        )
-        report[REPORT.yaw_rad], report[REPORT.tilt_rad], report[REPORT.azimuth_rad] = (
-            math.pi * (u[GHOST.yaw, g] - 0.5),
-            0.0,
-            0.0,
-        )
+        report[REPORT.across_m] = stream.half_width_m * (2.0 * u[GHOST.across, g] - 1.0)
+        report[REPORT.up_m] = _GHOST_CENTRE_M
+        report[REPORT.yaw_rad] = math.pi * (u[GHOST.yaw, g] - 0.5)
+        report[REPORT.tilt_rad] = report[REPORT.azimuth_rad] = 0.0
         report[REPORT.length_m] = camera.ghost_length_m + 0.01 * u[GHOST.length, g]
         report[REPORT.width], report[REPORT.thickness] = 0.65 + 0.3 * u[GHOST.width, g], _GHOST_THICKNESS
         report[REPORT.grade] = min(math.floor(4.0 * u[GHOST.grade, g]), 3.0)

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ..arrays import allocated, shaped
 from ..columns import names
 from ..core import Array
 from ..dice import draw_blocks
@@ -88,21 +89,18 @@ class TrayField(Field):
 
 
 class TrayBatch(NamedTuple):
-    """Trays of R worlds, tray behind tray.
+    """Trays of R worlds, tray behind tray."""
 
-    Attributes:
-        source: (R, source rows, columns), ``EMPTY``, ``HEALTHY`` or ``POOR``.
-        target: (R, target rows, columns), likewise.
-        luck: (R, source rows, columns, 3), uniform numbers of each plug, see ``Lucks``.
-        source_lot: (R, source rows, columns), uniform numbers that decide what a statistical camera reports.
-        target_lot: (R, target rows, columns), likewise.
-    """
-
-    source: Cells
-    target: Cells
-    luck: Array
-    source_lot: Array
-    target_lot: Array
+    source: Annotated[Cells, shaped("source_rows", "source_columns")]
+    """``EMPTY``, ``HEALTHY`` or ``POOR``."""
+    target: Annotated[Cells, shaped("target_rows", "target_columns")]
+    """Likewise."""
+    luck: Annotated[Array, shaped("source_rows", "source_columns", Lucks)]
+    """Uniform numbers of each plug, see ``Lucks``."""
+    source_lot: Annotated[Array, shaped("source_rows", "source_columns")]
+    """Uniform numbers that decide what a statistical camera reports."""
+    target_lot: Annotated[Array, shaped("target_rows", "target_columns")]
+    """Likewise."""
 
 
 def shapes(scenario: ScenarioConfig) -> tuple[Shape, Shape]:
@@ -139,14 +137,8 @@ def draw_batch(scenario: ScenarioConfig, generators: Sequence[np.random.Generato
 
 def stacked(fields: Sequence[TrayField], source: Shape, target: Shape) -> TrayBatch:
     """The batch of fields that have every cell of their trays, which are of these shapes."""
-    worlds = len(fields)
-    batch = TrayBatch(
-        np.empty((worlds, *source), np.int8),
-        np.empty((worlds, *target), np.int8),
-        np.empty((worlds, *source, len(_LUCKS))),
-        np.empty((worlds, *source)),
-        np.empty((worlds, *target)),
-    )
+    sizes = dict(zip(("source_rows", "source_columns", "target_rows", "target_columns"), source + target, strict=True))
+    batch = allocated(TrayBatch, len(fields), **sizes)
     for world, field in enumerate(fields):
         assert field.target is not None
         here, there = (field.source.row, field.source.column), (field.target.row, field.target.column)

@@ -168,29 +168,13 @@ def _field(batch: Batch, row: int, camera: Camera | None) -> WeedField:
     reports = None
     if tracks is not None:
         here = row, slice(int(tracks.count[row]))
-        report, aim = tracks.report[here], tracks.aim[here]
-        reports = field.Reports(
-            along_m=report[:, G.along],
-            across_m=report[:, G.across],
-            aim_along_m=aim[:, G.along],
-            aim_across_m=aim[:, G.across],
-            species=tracks.species[here],
-            stage=tracks.stage[here],
-            crop_gap_m=tracks.crop_gap_m[here],
-            behind=tracks.real[here].astype(np.int64),
-        )
+        told = {name: getattr(tracks, name)[here] for name in ("species", "stage", "crop_gap_m")}
+        behind = tracks.real[here].astype(np.int64)
+        reports = field.Reports(*tracks.report[here].T, *tracks.aim[here].T, **told, behind=behind)
     return WeedField(
-        weeds=field.Weeds(
-            along_m=plants.weed[row, there, G.along],
-            across_m=plants.weed[row, there, G.across],
-            **{name: getattr(plants, name)[row, there] for name in names},
-        ),
-        crops=field.Crops(
-            along_m=plants.crop[row, crops, G.along],
-            across_m=plants.crop[row, crops, G.across],
-            luck=plants.crop_luck[row, crops],
-        ),
-        ground=field.Ground(plants.ground_look[row : row + 1]),
-        reports=reports,
-        camera=None if tracks is None else camera,
+        field.Weeds(*plants.weed[row, there].T, **{name: getattr(plants, name)[row, there] for name in names}),
+        field.Crops(*plants.crop[row, crops].T, luck=plants.crop_luck[row, crops]),
+        field.Ground(plants.ground_look[row : row + 1]),
+        reports,
+        None if tracks is None else camera,
     )
