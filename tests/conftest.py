@@ -1,6 +1,8 @@
 """What several test modules check in the same way."""
 
 import copy
+import signal
+import threading
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -10,6 +12,10 @@ import pytest
 from fieldgym import bounds
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.evaluation import evaluate
+
+if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # Begun in a shell's background: every child would inherit that Ctrl-C is ignored, and tests send it to some.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 EXACT = 1e-9
 
