@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -42,6 +44,12 @@ def main(
         LOOPBACK
     ),
     port: Annotated[int, typer.Option(help="Of the page; another free one is taken where it is in use.")] = PORT,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Serve nothing: write the replay as one page.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="Of the replay, simulated; by default the whole episode.")
+    ] = None,
     play: Annotated[bool, typer.Option("--play", help="Begin at once; else the page waits for its Play button.")] = (
         False
     ),
@@ -54,6 +62,8 @@ def main(
 
       fieldgym view LaserWeeding
 
+      fieldgym view ProduceSorting --record sorting.html --seconds 60
+
       fieldgym view SafflowerPicking --policy grams-per-second --against fixed-order --seed 7
     """
     from fieldgym.agents import reference_policy
@@ -65,6 +75,10 @@ def main(
         raise common.CommandError(f"--port {port}: give 0..65535, 0 for any free one")
     if field is not None and not field.is_file():
         raise common.CommandError(f"--field {field}: there is no such file")
+    if record is not None and record.suffix != ".html":
+        raise common.CommandError(f"--record {record}: name a file that ends in .html")
+    if seconds is not None and (record is None or not seconds > 0.0):
+        raise common.CommandError(f"--seconds {seconds:g}: give --record and seconds above 0")
     _check_viser()
     from fieldgym.viewer.play import Play
     from fieldgym.viewer.show import Viewer
@@ -74,10 +88,14 @@ def main(
         common.policy_of(env_id, name, trust)
     condition = common.condition_of(env_id, scenario, backend or "analytic", perception, sets or (), None)
     settings: dict[str, Any] = {"backend": condition.backend, **condition.settings}
+    make = partial(seat_of, trust=trust)
     shown = Play(env_id, names[0], against or "", seed, settings, None if field is None else str(field))
+    if record is not None:
+        _record(record, shown, make, float("inf") if seconds is None else seconds)
+        return
     with common.told_in_one_line():
         try:
-            viewer = Viewer(shown, lambda play, name: seat_of(play, name, trust), host, port)
+            viewer = Viewer(shown, make, host, port)
         except OSError as error:
             raise common.CommandError(
                 f"cannot serve on {host}:{port} ({error.strerror}): give another --host or --port"
@@ -89,6 +107,23 @@ def main(
         viewer.run()
     finally:
         viewer.close()
+
+
+def _record(path: Path, play: Play, make: Callable[[Play, str], Seat], until_s: float) -> None:
+    """Write a replay, and say what came of it."""
+    from rich.console import Console
+
+    from fieldgym.viewer.record import record
+
+    common.writable_folder(path.parent, "--record")
+    console = Console(highlight=False)
+    with common.told_in_one_line(), console.status("recording") as status:
+        cards = record(path, play, make, until_s, lambda now_s: status.update(f"recording: {now_s:.0f} s"))
+    names = filter(None, [play.policy, play.against])
+    for name, card in zip(names, cards, strict=True):
+        told = f"{name}: net rate {100.0 * card['net_rate']:.1f} %, cycle time {card['cycle_time_s']:.2f} s"
+        console.print(f"{told} after {card['duration_s']:.1f} s", markup=False)
+    console.print(f"Replay: {path} ({path.stat().st_size / 1e6:.2f} MB)", markup=False)
 
 
 def seat_of(play: Play, name: str, trust: bool = False) -> Seat:

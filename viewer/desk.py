@@ -151,7 +151,7 @@ class Desk:
         self._renewed_s = time.perf_counter()
         names, logs = [seat.policy.name for seat in seats], [seat.log for seat in seats]
         with self._server.atomic():
-            self._head.content = self._title()
+            self._head.content = self.title()
             if not self._stale:
                 return
             self._stale = False
@@ -234,7 +234,7 @@ class Desk:
         if action is not None and not self._viewer.seats[0].busy:
             self._viewer.single(action)
 
-    def _title(self) -> str:
+    def title(self) -> str:
         """What is played, and how it stands."""
         viewer, play = self._viewer, self._viewer.play
         inner: Any = viewer.seats[0].env.unwrapped

@@ -16,6 +16,8 @@ _ROUND_M = 1e-5
 """Places are sent in steps of this: less than a screen shows, and steps compress better than noise."""
 _CASTERS = 40
 """Batches of more instances throw no shadow: litter and trays full of plants would, leaf by leaf."""
+_FLOOR_M = 2.5
+"""What is wider, ground and floors, throws no shadow, as in pictures."""
 
 
 class _Batch:
@@ -34,7 +36,7 @@ class _Batch:
             batched_scales=_rounded(scale) if _stretched(scale) else None,
             batched_colors=as_light(things.colour),
             lod="off",
-            cast_shadow=len(things.mesh) <= _CASTERS,
+            cast_shadow=len(things.mesh) <= _CASTERS and np.ptp(vertices, axis=0).max() < _FLOOR_M,
             side="double" if len(triangles) < 4 else "front",
         )
 
@@ -93,6 +95,7 @@ class Mirror:
         self.name, self.middle, self.place = name, None, place
         self._scene = scene
         self._root = scene.add_frame(name, show_axes=False)
+        self._named = 0
         self._shown: dict[str, Instances] = {}
         self._batches: dict[tuple[str, int], _Batch] = {}
 
@@ -133,7 +136,9 @@ class Mirror:
                 if batch is not None:
                     batch.remove()
                 source = scene.library.sources[mesh]
-                name = f"{self.name}/{group}/{mesh}"
+                # A page keeps places by name: a name that was used before may bring its old place back.
+                self._named += 1
+                name = f"{self.name}/{group}/{mesh}-{self._named}"
                 self._batches[key] = _Batch(self._scene, name, source.vertices, source.triangles, some)
         if things is None:
             self._shown.pop(group)

@@ -183,6 +183,29 @@ def key() -> str:
     )
 
 
+def replay(
+    title: str,
+    names: Sequence[str],
+    scorecards: Sequence[Mapping[str, float]],
+    logs: Sequence[Sequence[Entry]],
+    bound: Mapping[str, float] | None,
+) -> str:
+    """What stands beside a replay: what was played, the last scorecards, and every decision."""
+    out = [title, scores(names, scorecards, bound), rewards(names, logs)]
+    for name, log in zip(names, logs, strict=True):
+        out.append(
+            f'<details style="padding:0 12px 6px;font:13px system-ui,sans-serif"><summary>{escape(name)}: {len(log)} '
+            f"decisions</summary>{decisions(log[::-1], len(log))}</details>"
+        )
+    return (
+        '<details open id="fieldgym" style="position:fixed;top:12px;left:12px;z-index:9;width:min(320px,84vw);'
+        "max-height:70vh;overflow:auto;background:rgba(255,255,255,.94);border-radius:4px;padding:4px 0;"
+        'box-shadow:0 1px 8px rgba(0,0,0,.2)"><summary style="padding:2px 12px;font:12px system-ui,sans-serif;'
+        f'color:{DIM}">score and decisions</summary>{"".join(out)}</details>'
+        '<script>if(innerWidth<700)document.getElementById("fieldgym").open=false</script>'
+    )
+
+
 def seen(look: Look, belief: Belief | None) -> NDArray[np.uint8]:
     """A camera's picture with circles where candidates are believed to be."""
     picture = look.frame.rgb.copy()

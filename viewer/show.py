@@ -13,6 +13,7 @@ import numpy as np
 from ..rendering.renderer import SUN
 from .choices import choice_of
 from .desk import Desk
+from .limits import bound_of
 from .marks import Marks
 from .mirror import Mirror
 from .play import Play
@@ -27,6 +28,8 @@ _LONGEST_S = 0.1
 """A turn of the loop carries time on by this at most: what computes slower than it plays plays slower."""
 _APART_M = 3.0
 """Between two machines side by side."""
+_CAPTION_M = 0.55
+"""Height of a replay's line of figures above the middle of what is shown."""
 _NEAR = 2.5
 """A click means a candidate within so many times the size of its mark."""
 
@@ -53,6 +56,7 @@ class Viewer:
         host: str = LOOPBACK,
         port: int = 8080,
         speed: float = 1.0,
+        bounded: bool = True,
     ):
         """Serve the page.
 
@@ -62,6 +66,7 @@ class Viewer:
             host: who may connect; the loopback alone by default.
             port: of the page.
             speed: at first.
+            bounded: find out beside the game what no policy can beat.
         """
         import viser
 
@@ -70,7 +75,7 @@ class Viewer:
         self.bound: dict[str, float] | None = None
         self.seats: list[Seat] = []
         self.updates = 0
-        self._make_seat = make_seat
+        self._make_seat, self._bounded = make_seat, bounded
         self._mirrors: list[Mirror] = []
         self._marks: list[Marks] = []
         self.picked: int | None = None
@@ -133,10 +138,12 @@ class Viewer:
                 self._aim(scenes[0], 0.5 * (len(scenes) - 1) * _APART_M * aside)
         for mirror, scene in zip(self._mirrors, scenes, strict=True):
             self._show(mirror, scene)
-        self.picked = None
+        self.picked = self.bound = None
         for k in range(len(self.seats)):
             self.mark(k)
         self.desk.loaded()
+        if self._bounded:
+            threading.Thread(target=self._find_bound, args=(play,), daemon=True, name="fieldgym bound").start()
 
     def set_running(self, running: bool) -> None:
         """Let time go on, or stop it."""
@@ -207,8 +214,9 @@ class Viewer:
         while not self._closing.is_set() and not until():
             self._obey()
             now = time.perf_counter()
+            self.desk.tick()
             if self.running:
-                self._go_on(min(now - last, _LONGEST_S) * self.speed)
+                self.go_on(min(now - last, _LONGEST_S) * self.speed)
             last = now
             # Late turns are made up for, but not many of them.
             due = max(due + 1.0 / SCENES_PER_SECOND, time.perf_counter() - _LONGEST_S)
@@ -240,7 +248,7 @@ class Viewer:
             except ValueError as error:
                 self.desk.tell(str(error))
 
-    def _go_on(self, ahead_s: float) -> None:
+    def go_on(self, ahead_s: float) -> None:
         """Carry time on."""
         now_s = self.now_s + ahead_s
         for k, (seat, mirror) in enumerate(zip(self.seats, self._mirrors, strict=True)):
@@ -266,14 +274,37 @@ class Viewer:
                 self._show(mirror, newest)
             self._marks[k].go_on(now_s)
         self.now_s = now_s
-        self.desk.tick()
         if self.over:
             self.set_running(False)
+
+    def _find_bound(self, play: Play) -> None:
+        """Ask for the bound, in a thread of its own, and have it shown if this is still what is played."""
+        found = bound_of(play)
+
+        def take() -> None:
+            if self.play == play:
+                self.bound = found
+                self.desk.decided()
+
+        self.order(take)
 
     def _show(self, mirror: Mirror, scene: Scene) -> None:
         with self.server.atomic():
             mirror.show(scene)
         self.updates += 1
+
+    def caption(self) -> Callable[[str], None]:
+        """A line above the first machine: what writes the time and every net rate behind its argument."""
+        high = np.array([0.0, 0.0, _CAPTION_M])
+        label = self.server.scene.add_label("/caption", "", position=high, anchor="bottom-center")
+
+        def write(text: str) -> None:
+            rates = ", ".join(f"{seat.policy.name} {100.0 * seat.scorecard['net_rate']:.1f} %" for seat in self.seats)
+            line = f"{text}: {rates}"
+            if label.text != line:
+                label.text = line
+
+        return write
 
     def _aim(self, scene: Scene, middle: Any) -> None:
         """Point the pages' cameras as a picture's would be; with two machines from farther, beside the panel."""
