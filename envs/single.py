@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from os import PathLike
 from typing import Any, ClassVar, Generic
@@ -18,12 +17,13 @@ from .core import Executor, NominalExecutor, OutcomeT, Page, PlanT, StepResult, 
 from .field import Field
 from .options import checked_action, checked_options, checked_seed, completed
 from .pixels import DEFAULT_ROWS, Pixels, Shown
+from .screen import Screen
 from .state import State, check, put, refuse_closed, refuse_unready, taken
 
 _ONE_ROW = np.zeros(1, np.int64)
 _REMEMBERED = ("_over", "_given", "_drawn_from", "_decisions", "_last")
 """What a state holds of the environment itself."""
-_REBUILT = ("executor", "_view", "_make_view", "_window", "_on_frame", "_pixels")
+_REBUILT = ("executor", "_view", "_make_view", "_screen", "_on_frame", "_pixels")
 """What a copy does not take over: it gets a machine and a view of its own, and nobody records it."""
 
 
@@ -90,7 +90,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             self._drawer.space(self.core.observation_space) if self.shown.draws else self.core.observation_space
         )
         self.action_space = self.core.action_space
-        self._window: Any = None
+        self._screen = Screen(f"{type(self).__name__} {self.scenario}")
         self._sensing = perception == "camera"
         self._on_frame: Callable[[NDArray[np.uint8]], None] | None = None
         self._frames_per_second = float(self.metadata["render_fps"])
@@ -114,7 +114,8 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         """Become a copy: with a new machine where the rules say it stands, and a view when it is needed."""
         vars(self).update(copied)
         parts, _ = self.equipped(dict(self._equipment))
-        self._make_view, self._view, self._window, self._on_frame = parts.view, None, None, None
+        self._make_view, self._view, self._on_frame = parts.view, None, None
+        self._screen = Screen(f"{type(self).__name__} {self.scenario}")
         self._pixels = None
         self.executor = NominalExecutor(self.core) if self._closed else self._driver(parts)
         if self._ready and not self._closed:
@@ -294,8 +295,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self.executor.close()
         if self._view is not None:
             self._view.close()
-        if self._window is not None:
-            self._window.close()
+        self._screen.close()
 
     def _carry_out(self) -> Page:
         """The decision as the executor carries it out and the view follows it."""
@@ -317,21 +317,9 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             self._last, self._page = (self.core.planned, self.core.result_of(self._page)), None
 
     def _show(self, plan: PlanT, result: StepResult) -> None:
-        """Play the decision: to the recorder at its rate, in a window as fast as it really went."""
-        began = time.perf_counter()
-        for i, frame in enumerate(self.view.frames(plan, result, self._frames_per_second)):
-            if self._on_frame is not None:
-                self._on_frame(frame)
-            if self.render_mode == "human":
-                self._put_in_window(frame)
-                time.sleep(max(0.0, began + i / self._frames_per_second - time.perf_counter()))
-
-    def _put_in_window(self, frame: NDArray[np.uint8]) -> None:
-        if self._window is None:
-            from ..simulation.window import Window
-
-            self._window = Window(f"{type(self).__name__} {self.scenario}")
-        self._window.show(frame)
+        """Play the decision: to the recorder at its rate, to people as fast as it really went."""
+        rate = self._frames_per_second
+        self._screen.play(self.view.frames(plan, result, rate), rate, self._on_frame, self.render_mode == "human")
 
     @property
     def _eyes(self) -> str:
@@ -365,7 +353,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
     def _standing(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """Observation and info before any decision, and what a window shows then."""
         if self.render_mode == "human":
-            self._put_in_window(self.view.frame())
+            self._screen.play((self.view.frame() for _ in range(1)), self._frames_per_second)
         page = self.core.show()
         return self._observation(page), self._info(page)
 

@@ -19,6 +19,30 @@ class Window:
         self._picture: Any = None
         self._gone = False
 
+    def open(self) -> None:
+        """Open it.
+
+        Raises:
+            RuntimeError: there is no display, or Python came without Tk.
+        """
+        # Tk loads where a window is opened.
+        try:
+            import tkinter
+        except ImportError as error:
+            raise RuntimeError(
+                'no window: this Python has no tkinter; install it, or use render_mode="rgb_array"'
+            ) from error
+        try:
+            self._root = tkinter.Tk()
+        except tkinter.TclError as error:
+            raise RuntimeError(
+                f'no display ({error}): use render_mode="rgb_array" instead of "human", or run under xvfb-run'
+            ) from error
+        self._root.title(self._title)
+        self._root.resizable(False, False)
+        self._label = tkinter.Label(self._root, borderwidth=0)
+        self._label.pack()
+
     def show(self, rgb: NDArray[np.uint8]) -> None:
         """Show a picture (h, w, 3).
 
@@ -27,29 +51,16 @@ class Window:
         """
         if self._gone:
             return
-        # Tk loads where a window is opened.
-        try:
-            import tkinter
-        except ImportError as error:
-            raise RuntimeError(
-                'no window: this Python has no tkinter; install it, or use render_mode="rgb_array"'
-            ) from error
         if self._label is None:
-            try:
-                self._root = tkinter.Tk()
-            except tkinter.TclError as error:
-                raise RuntimeError(
-                    f'no display ({error}): use render_mode="rgb_array" instead of "human", or run under xvfb-run'
-                ) from error
-            self._root.title(self._title)
-            self._root.resizable(False, False)
-            self._label = tkinter.Label(self._root, borderwidth=0)
-            self._label.pack()
+            self.open()
+        label: Any = self._label
+        import tkinter
+
         height, width, _ = rgb.shape
         try:
             data = b"P6 %d %d 255 " % (width, height) + np.ascontiguousarray(rgb).tobytes()
             self._picture = tkinter.PhotoImage(master=self._root, data=data, format="PPM")
-            self._label.configure(image=self._picture)
+            label.configure(image=self._picture)
             self._root.update()
         except tkinter.TclError:
             # Closed by hand: the episode goes on unseen.

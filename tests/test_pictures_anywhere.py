@@ -51,8 +51,9 @@ def test_a_window_without_a_display_is_an_error_and_not_the_end(monkeypatch, dis
 
 def test_a_window_follows_the_first_state_and_every_decision(monkeypatch):
     shown: list[np.ndarray] = []
+    monkeypatch.setattr(Window, "open", lambda self: None)
     monkeypatch.setattr(Window, "show", lambda self, rgb: shown.append(rgb.copy()))
-    monkeypatch.setattr("fieldgym.envs.single.time.sleep", lambda seconds: None)
+    monkeypatch.setattr("fieldgym.envs.screen.time.sleep", lambda seconds: None)
     env: Any = gym.make("fieldgym/SafflowerPicking-v0", backend="analytic", render_mode="human").unwrapped
     _, info = env.reset(seed=0)
     assert len(shown) == 1 and env.render() is None

@@ -1,6 +1,7 @@
 """The browser view's server and its replays: what pages do changes nothing, and a replay is whole by itself."""
 
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -146,3 +147,37 @@ def test_a_replay_is_whole_by_itself(tmp_path: Path):
 def test_what_is_wrong_is_told_in_one_line(words: list[str], told: str):
     result = CliRunner().invoke(cli.app, ["view", "HoeWeeding", *words])
     assert result.exit_code != 0 and told in str(result.exception) and "\n" not in str(result.exception)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems always have a display")
+def test_human_mode_without_a_display_shows_its_scenes_on_a_page(monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setattr("fieldgym.envs.screen.time.sleep", lambda seconds: None)
+    env: Any = gym.make(HOE, backend="analytic", render_mode="human").unwrapped
+    _, info = env.reset(seed=4)
+    page = env._screen._page
+    told = capsys.readouterr().err
+    assert f"http://127.0.0.1:{page.server.get_port()}" in told and told.count("no display here") == 1
+    machine = page._mirror._shown["machine"]
+    for _ in range(3):
+        *_, info = env.step(int(info["action_mask"].argmax()))
+    assert np.abs(page._mirror._shown["machine"].shift - machine.shift).max() > 0.005
+    twin = gym.make(HOE, backend="analytic")
+    _, expected = twin.reset(seed=4)
+    for _ in range(3):
+        *_, expected = twin.step(int(expected["action_mask"].argmax()))
+    assert expected["scorecard"] == info["scorecard"]
+    twin.close()
+    env.close()
+    env.close()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems always have a display")
+def test_human_mode_with_neither_says_what_to_install(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setitem(sys.modules, "viser", None)
+    env: Any = gym.make(HOE, backend="analytic", render_mode="human").unwrapped
+    with pytest.raises(RuntimeError, match=r"fieldgym\[view\]") as error:
+        env.reset(seed=4)
+    assert "\n" not in str(error.value) and "rgb_array" in str(error.value)
+    env.close()

@@ -60,9 +60,10 @@ class Watching:
 
     def under(self) -> Any:
         """Context in which it watches."""
-        return watched(Spectator(self._take, self._look))
+        return watched(Spectator(self.take, self._look))
 
-    def _take(self, stage: Stage, camera: Camera, eye: ArrayLike, middle: ArrayLike) -> None:
+    def take(self, stage: Stage, camera: Camera, eye: ArrayLike, middle: ArrayLike) -> None:
+        """Take a scene, if it is the whole one."""
         # Smaller pictures are set into the large one: close-ups of the same scene.
         if camera.width < self._width:
             return

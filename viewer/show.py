@@ -85,7 +85,7 @@ class Viewer:
         self._orders: queue.Queue[Callable[[], None]] = queue.Queue()
         self._closing = threading.Event()
         self.server = viser.ViserServer(host=host, port=port, label="fieldgym", verbose=False)
-        _light(self.server.scene)
+        light(self.server.scene)
         self.desk = Desk(self.server, self)
 
         @self.server.scene.on_click()
@@ -307,17 +307,21 @@ class Viewer:
         return write
 
     def _aim(self, scene: Scene, middle: Any) -> None:
-        """Point the pages' cameras as a picture's would be; with two machines from farther, beside the panel."""
+        """Point the pages' cameras; with two machines from farther, beside the panel."""
         alone = len(self.seats) == 1
-        away = (scene.eye - scene.middle) * (1.1 if alone else 3.0)
-        place = middle + (0.0 if alone else 0.5) * _aside(scene)
-        camera = self.server.initial_camera
-        camera.position, camera.look_at, camera.fov = place + away, place, scene.view_rad
-        for client in self.server.get_clients().values():
-            client.camera.position, client.camera.look_at = place + away, place
+        aim(self.server, scene, middle + (0.0 if alone else 0.5) * _aside(scene), 1.1 if alone else 3.0)
 
 
-def _light(scene: Any) -> None:
+def aim(server: Any, scene: Scene, place: Any, farther: float) -> None:
+    """Point the cameras of all pages, those to come too, at a place (3,) as a picture's camera would be."""
+    away = farther * (scene.eye - scene.middle)
+    camera = server.initial_camera
+    camera.position, camera.look_at, camera.fov = place + away, place, scene.view_rad
+    for client in server.get_clients().values():
+        client.camera.position, client.camera.look_at = place + away, place
+
+
+def light(scene: Any) -> None:
     """The sun of the pictures, and the sky; nothing of it has to be fetched."""
     scene.configure_environment_map(None)
     scene.configure_default_lights(False)
