@@ -133,14 +133,14 @@ def test_an_unchanged_checkpoint_goes_on(trained: Path, tmp_path: Path):
 def test_whatever_whole_number_is_changed_it_fits_or_is_refused_before_anything_runs(env_id: str):
     """Out of bounds a kernel would read foreign memory; every array of whole numbers that it may use is guarded."""
     pytest.importorskip("stable_baselines3")
-    from fieldgym.agents.learning.checkpoint import _held
+    from fieldgym.envs.state import held
     from fieldgym.agents.learning.sb3 import make_vec_env
 
     env = make_vec_env(env_id, 3, 0)
     env.reset()
     core = env.native.core
     counters = {"episode", "sensor_seed"}
-    whole = {name: array for name, array in _held(core).items() if array.dtype.kind in "iu" and name not in counters}
+    whole = {name: array for name, array in held(core).items() if array.dtype.kind in "iu" and name not in counters}
     assert len(whole) > 4 and core.misplaced() == ""
     for name, array in whole.items():
         before = array.copy()

@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 import torch
 
+from ...envs.state import held as rules_held
 from ...kernels.files import read_file, replaced
 from .runs import CheckpointError, told_as_damage
 from .sb3 import NativeVecEnv
 
-FORMAT = 1
+FORMAT = 2
 MOST_BYTES = 2**31
 """Largest file that is read."""
 _MT_WORDS = 624
@@ -43,10 +44,7 @@ def write(path: Path, model: Any, env: NativeVecEnv, run: dict[str, Any]) -> Non
         "optimizer": model.policy.optimizer.state_dict(),
         "torch_generator": torch.get_rng_state(),
         "numpy_keys": torch.from_numpy(np.asarray(keys).astype(np.int64)),
-        "core": _arrays(env.native.core),
-        "executor": _arrays(env.native.executor),
-        "face": _arrays(env.native),
-        "env": _arrays(env),
+        **{part: {name: _tensor(values) for name, values in held.items()} for part, held in _arrays(env).items()},
         "last_obs": {name: _tensor(values) for name, values in model._last_obs.items()},
         "last_starts": _tensor(model._last_episode_starts),
         "text": json.dumps(
@@ -96,17 +94,12 @@ def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
     text = state["text"]
     _check_counts(text)
     _check_seen(state, env)
-    # Caches of the rules are None when they are made; they are worked out again from the restored arrays.
-    caches = [name for name, value in vars(env.native.core).items() if value is None]
     env.reset()
-    native = env.native
-    for owner, key in ((native.core, "core"), (native.executor, "executor"), (native, "face"), (env, "env")):
-        _put(owner, state[key], key)
-    wrong = native.core.misplaced()
+    for part, held in _arrays(env).items():
+        _put(held, state[part], part)
+    wrong = env.native.core.misplaced()
     if wrong:
         raise CheckpointError(f"the checkpoint's {wrong} points outside its array: start without --resume")
-    for name in caches:
-        setattr(env.native.core, name, None)
     for generator, saved in zip(env.native.np_random, text["generators"], strict=True):
         if generator is not None:
             generator.bit_generator.state = saved
@@ -130,28 +123,22 @@ def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
     np.random.set_state((kind, keys, position, has_gauss, gauss))  # noqa: NPY002
 
 
-def _arrays(owner: object) -> dict[str, torch.Tensor]:
-    return {name: _tensor(values) for name, values in _held(owner).items()}
+def _arrays(env: NativeVecEnv) -> dict[str, dict[str, np.ndarray]]:
+    """What the environment stands at: arrays by name, of its rules, of its face and of what SB3 sees."""
+    return {"core": rules_held(env.native.core), "face": _own(env.native), "env": _own(env)}
 
 
-def _held(owner: object) -> dict[str, np.ndarray]:
-    """The arrays of ``owner``, those of its named tuples included."""
-    held = {}
-    for name, value in vars(owner).items():
-        named = getattr(value, "_asdict", None)
-        parts: dict[str, Any] = {"": value} if named is None else named()
-        for part, array in parts.items():
-            if isinstance(array, np.ndarray) and array.dtype != object:
-                held[f"{name}.{part}" if part else name] = array
-    return held
+def _own(owner: object) -> dict[str, np.ndarray]:
+    """The arrays of ``owner``."""
+    found = {name: value for name, value in vars(owner).items() if isinstance(value, np.ndarray)}
+    return {name: array for name, array in found.items() if array.dtype != object}
 
 
 def _tensor(values: Any) -> torch.Tensor:
     return torch.from_numpy(np.array(values))
 
 
-def _put(owner: object, saved: dict[str, torch.Tensor], what: str) -> None:
-    now = _held(owner)
+def _put(now: dict[str, np.ndarray], saved: dict[str, torch.Tensor], what: str) -> None:
     if set(now) != set(saved):
         odd = sorted(set(now) ^ set(saved))
         raise CheckpointError(f"the checkpoint's {what} does not fit ({', '.join(odd[:3])}): start without --resume")

@@ -202,7 +202,7 @@ class TransplantingCore(KernelCore[TransplantPlan, TransplantOutcome]):
             source_row=self.state.source_cells.shape[1],
             target_row=self.state.target_cells.shape[1],
             place=len(self.places.x_m),
-        )
+        ) or outside(self, source_began=DAMAGED + 1)
 
     def describe(self, plan: TransplantPlan, result: StepResult, row: int = 0) -> str:
         """One line about the last decision."""
