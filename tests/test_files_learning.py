@@ -133,8 +133,8 @@ def test_an_unchanged_checkpoint_goes_on(trained: Path, tmp_path: Path):
 def test_whatever_whole_number_is_changed_it_fits_or_is_refused_before_anything_runs(env_id: str):
     """Out of bounds a kernel would read foreign memory; every array of whole numbers that it may use is guarded."""
     pytest.importorskip("stable_baselines3")
-    from fieldgym.envs.state import held
     from fieldgym.agents.learning.sb3 import make_vec_env
+    from fieldgym.envs.state import held
 
     env = make_vec_env(env_id, 3, 0)
     env.reset()

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from ...envs.state import held as rules_held
+from ...envs.state import held
 from ...kernels.files import read_file, replaced
 from .runs import CheckpointError, told_as_damage
 from .sb3 import NativeVecEnv
@@ -44,7 +44,7 @@ def write(path: Path, model: Any, env: NativeVecEnv, run: dict[str, Any]) -> Non
         "optimizer": model.policy.optimizer.state_dict(),
         "torch_generator": torch.get_rng_state(),
         "numpy_keys": torch.from_numpy(np.asarray(keys).astype(np.int64)),
-        **{part: {name: _tensor(values) for name, values in held.items()} for part, held in _arrays(env).items()},
+        **{part: {name: _tensor(array) for name, array in arrays.items()} for part, arrays in _arrays(env).items()},
         "last_obs": {name: _tensor(values) for name, values in model._last_obs.items()},
         "last_starts": _tensor(model._last_episode_starts),
         "text": json.dumps(
@@ -95,8 +95,8 @@ def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
     _check_counts(text)
     _check_seen(state, env)
     env.reset()
-    for part, held in _arrays(env).items():
-        _put(held, state[part], part)
+    for part, arrays in _arrays(env).items():
+        _put(arrays, state[part], part)
     wrong = env.native.core.misplaced()
     if wrong:
         raise CheckpointError(f"the checkpoint's {wrong} points outside its array: start without --resume")
@@ -124,14 +124,12 @@ def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
 
 
 def _arrays(env: NativeVecEnv) -> dict[str, dict[str, np.ndarray]]:
-    """What the environment stands at: arrays by name, of its rules, of its face and of what SB3 sees."""
-    return {"core": rules_held(env.native.core), "face": _own(env.native), "env": _own(env)}
-
-
-def _own(owner: object) -> dict[str, np.ndarray]:
-    """The arrays of ``owner``."""
-    found = {name: value for name, value in vars(owner).items() if isinstance(value, np.ndarray)}
-    return {name: array for name, array in found.items() if array.dtype != object}
+    """What the environment stands at: numbers by name, of its rules, of its face and of what SB3 sees."""
+    whole: dict[str, dict[str, Any]] = {"core": held(env.native.core), "face": vars(env.native), "env": vars(env)}
+    return {
+        part: {name: v for name, v in values.items() if isinstance(v, np.ndarray) and v.dtype != object}
+        for part, values in whole.items()
+    }
 
 
 def _tensor(values: Any) -> torch.Tensor:
