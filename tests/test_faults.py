@@ -1,5 +1,7 @@
 """A machine that cannot follow what it was told ends its decisions as faults, never as errors."""
 
+from typing import Any
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ GAIN = {"SafflowerPicking": "collected", "TrayTransplanting": "planted", "Produc
 
 def hopeless(task):
     """An environment whose rules plan for the shipped machine and whose machine has hopeless motors."""
-    env = gym.make(f"fieldgym/{task}-v0", backend="pybullet", perception="perfect").unwrapped
+    env: Any = gym.make(f"fieldgym/{task}-v0", backend="pybullet", perception="perfect").unwrapped
     core = env.core
     sound, core.config = core.config, override(core.config, HOPELESS[task])
     env.executor.close()
@@ -58,14 +60,14 @@ def test_hopeless_motors_end_as_faults(task):
 
 @pytest.mark.parametrize("task", HOPELESS)
 def test_sound_machines_have_no_faults(task):
-    env = gym.make(f"fieldgym/{task}-v0", backend="pybullet", perception="perfect").unwrapped
+    env: Any = gym.make(f"fieldgym/{task}-v0", backend="pybullet", perception="perfect").unwrapped
     assert [info["fault"] for info in play(env, 8)] == [""] * 9
     env.close()
 
 
 @pytest.mark.parametrize("task", HOPELESS)
 def test_a_way_beyond_the_limits_ends_as_a_fault(task, monkeypatch):
-    env = gym.make(f"fieldgym/{task}-v0", backend="pybullet", perception="perfect").unwrapped
+    env: Any = gym.make(f"fieldgym/{task}-v0", backend="pybullet", perception="perfect").unwrapped
     gain = GAIN.get(task, "killed")
 
     def refuse(*parts, **more):
@@ -79,11 +81,11 @@ def test_a_way_beyond_the_limits_ends_as_a_fault(task, monkeypatch):
             assert info["rewards"][gain] <= 0.0
             assert "Weeding" in task or sum(info["phases_s"].values()) > RECOVERY_S
     # The machine then stands where the rules say, and goes on.
-    *_, info = env.step(int(info["action_mask"].argmax()))
+    *_, info = env.step(int(env.action_masks().argmax()))
     assert info["fault"] == ""
     env.close()
 
 
 def test_analytic_machines_have_no_faults():
-    env = gym.make("fieldgym/ProduceSorting-v0", backend="analytic")
+    env: Any = gym.make("fieldgym/ProduceSorting-v0", backend="analytic")
     assert env.reset(seed=0)[1]["fault"] == "" == env.step(0)[-1]["fault"]

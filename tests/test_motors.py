@@ -23,6 +23,7 @@ from fieldgym.kernels.config import ConfigError, override
 from fieldgym.mechanisms.bodies import EffortTerms
 from fieldgym.motion import QUINTIC
 from fieldgym.motion.efforts import law_columns
+from fieldgym.scripts.machine_limits import MACHINES, try_random
 
 PICKER, TRANSPLANTER, SORTER, LASER, HOE = (
     "SafflowerPicking",
@@ -138,3 +139,40 @@ def test_shares_lower_what_limits_a_motion():
     found = shares(Motions(terms, fast, fast / 2.0), motor, "Crane")
     assert found.acceleration == 1.0 and found.speed == pytest.approx(0.4 / shortest, rel=1e-5)
     assert shares(Motions(terms, 2.0 * slow, slow), motor, "Crane") == ALL
+
+
+LIMITS = {
+    PICKER: lambda c: (c.machine.picker.tool_acceleration_m_s2, c.machine.picker.cart_acceleration_m_s2),
+    TRANSPLANTER: lambda c: (c.machine.acceleration_m_s2, *c.machine.carry_acceleration_m_s2),
+    SORTER: lambda c: (c.machine.sorter.acceleration_m_s2, c.machine.sorter.turn_rad_s2, -c.machine.shortest_move_s),
+    LASER: lambda c: (c.reach.travel_acceleration_m_s2, c.reach.lean_acceleration_m_s2),
+    HOE: lambda c: (c.reach.acceleration_m_s2, c.process.plunge_acceleration_m_s2, c.process.stir_acceleration_m_s2),
+}
+"""What stronger motors can only raise and a heavier tool only lower."""
+
+
+@pytest.mark.parametrize("task", LIMITS)
+def test_accelerations_fall_with_the_mass_and_rise_with_the_motors(task):
+    plain, fit = FITS[task]
+    machine = MACHINES[task]
+
+    def found(limit, mass):
+        try:
+            return np.array(LIMITS[task](fit(override(plain, machine.scaled(limit, mass)))))
+        except ConfigError:
+            return np.full(len(LIMITS[task](plain)), -np.inf)
+
+    # From refusal through slower motions to what was asked for.
+    factors = (0.05, 0.25, 0.35, 0.8, 2.0)
+    by_limit = np.array([found(limit, 1.0) for limit in factors])
+    by_mass = np.array([found(0.8, mass) for mass in (1.0, 2.0, 3.0)])
+    assert np.all(by_limit[1:] >= by_limit[:-1]) and np.all(by_mass[1:] <= by_mass[:-1])
+    assert np.all(by_limit[0] == -np.inf) and np.array_equal(by_limit[-1], LIMITS[task](plain))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", LIMITS)
+@pytest.mark.parametrize(("backend", "number"), [("analytic", 40), ("pybullet", 8)])
+def test_any_machine_is_made_or_refused_in_a_line_and_never_raises_in_step(task, backend, number):
+    counts = try_random(task, number, backend)
+    assert counts["played"] + counts["refused"] == number and counts["played"] > 0.3 * number
