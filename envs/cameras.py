@@ -52,6 +52,11 @@ class Cameras:
         self.played = [Played(None)] * core.worlds
         self._pixels = Pixels(self.views, shown) if shown.draws else None
 
+    @property
+    def marks(self) -> NDArray[np.int64]:
+        """See ``View.slot_marks``."""
+        return self.views[0].slot_marks()
+
     def space(self, features: spaces.Dict) -> spaces.Dict:
         """The space of observations, from that of the features."""
         return self._pixels.space(features) if self._pixels else features

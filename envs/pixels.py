@@ -75,6 +75,11 @@ class Pixels:
         channels = {"pixels": 3, "slots": 1} | ({"depth": 1} if shown.depth else {})
         self.spaces = {name: spaces.Box(0, 255, (height, width, n), np.uint8) for name, n in channels.items()}
 
+    @property
+    def marks(self) -> NDArray[np.int64]:
+        """See ``View.slot_marks``."""
+        return self._views[0].slot_marks()
+
     def space(self, features: spaces.Dict) -> spaces.Dict:
         """The space of observations, from that of the features."""
         named: dict[str, spaces.Space[Any]] = {**self._kept(features.spaces), **self.spaces}

@@ -357,10 +357,14 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         page = self.core.show()
         return self._observation(page), self._info(page)
 
+    def drawer(self, shown: Shown) -> Pixels:
+        """What draws observations of this world."""
+        return Pixels([self.view], shown)
+
     @property
     def _drawer(self) -> Pixels:
         if self._pixels is None:
-            self._pixels = Pixels([self.view], self.shown)
+            self._pixels = self.drawer(self.shown)
         return self._pixels
 
     def _observation(self, page: Page) -> dict[str, np.ndarray]:

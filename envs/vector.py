@@ -94,9 +94,9 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self.num_envs = core.worlds
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self._cameras = self._equip()
+        self.cameras = self._equip()
         known = core.observation_space
-        self.single_observation_space = self._cameras.space(known) if self._cameras else known
+        self.single_observation_space = self.cameras.space(known) if self.cameras else known
         self.single_action_space = core.action_space
         self.observation_space = batch_space(self.single_observation_space, core.worlds)
         self.action_space = batch_space(core.action_space, core.worlds)
@@ -109,20 +109,23 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
 
     def __getstate__(self) -> dict[str, Any]:
         """What a copy takes over: all but the cameras, which look at the worlds of this one."""
-        return {**vars(self), "_cameras": None, "_copied": self._cameras.played if self._cameras else []}
+        return {**vars(self), "cameras": None, "_copied": self.cameras.played if self.cameras else []}
 
     def __setstate__(self, copied: dict[str, Any]) -> None:
         """Become a copy, with cameras that have seen the same."""
         vars(self).update(copied)
         played = vars(self).pop("_copied")
-        self._cameras = None if self.closed else self._equip()
-        if self._cameras:
-            self._cameras.play_again(played)
+        self.cameras = None if self.closed else self._equip()
+        if self.cameras:
+            self.cameras.play_again(played)
 
     def _equip(self) -> Cameras | None:
-        """The worlds' views, where one is needed: they see for the rules, or draw observations."""
-        view, senses = self.equipped(dict(self._equipment))[0].view, self.perception == "camera"
-        return Cameras(self.core, view, senses, self.shown) if view and (senses or self.shown.draws) else None
+        return self.drawer(self.shown) if self.perception == "camera" or self.shown.draws else None
+
+    def drawer(self, shown: Shown) -> Cameras:
+        """The worlds' views: they see for the rules, or draw observations."""
+        view: Any = self.equipped(dict(self._equipment))[0].view
+        return Cameras(self.core, view, self.perception == "camera", shown)
 
     @classmethod
     def equipped(cls, settings: dict[str, Any]) -> tuple[Assembly[Any], dict[str, Any]]:
@@ -172,7 +175,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
         chosen, before = self._checked(actions), self._over
-        page = self._carry_out(chosen) if self._cameras else self.core.decide(chosen)
+        page = self._carry_out(chosen) if self.cameras else self.core.decide(chosen)
         extra: dict[str, Any] = {}
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and before.any():
             # The finished worlds stepped along in the batch; what they did is overwritten by their new episode.
@@ -208,7 +211,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self._refuse_unready()
         chance = ((g.bit_generator.state, seed) for g, seed in zip(self._generators, self._seeds, strict=True) if g)
         remembered = {name: copy.deepcopy(getattr(self, name)) for name in _REMEMBERED}
-        remembered |= {"_played": tuple(self._cameras.played) if self._cameras else ()}
+        remembered |= {"_played": tuple(self.cameras.played) if self.cameras else ()}
         return taken(self.core, self.perception, tuple(chance), remembered)
 
     def set_state(self, state: State) -> tuple[Observation, dict[str, Any]]:
@@ -228,8 +231,8 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             self._generators[row], self._seeds[row] = generator, -1 if seed is None else seed
         remembered = copy.deepcopy(dict(state.remembered))
         played = remembered.pop("_played")
-        if self._cameras and self._cameras.senses:
-            self._cameras.play_again(played)
+        if self.cameras and self.cameras.senses:
+            self.cameras.play_again(played)
         else:
             put(state, self.core)
         vars(self).update(remembered)
@@ -291,12 +294,12 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free what cameras hold."""
-        if self._cameras:
-            self._cameras.close()
+        if self.cameras:
+            self.cameras.close()
 
     def _restart(self, rows: NDArray[np.int64], fields: Any = None) -> None:
         generators = [g for g in (self._generators[row] for row in rows) if g is not None]
-        begun: Sequence[Any] = [g.bit_generator.state for g in generators] if self._cameras else []
+        begun: Sequence[Any] = [g.bit_generator.state for g in generators] if self.cameras else []
         if fields is None:
             self.core.reset_rows(rows, generators)
         else:
@@ -305,18 +308,18 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             pairs = zip(fields, generators, strict=True)
             whole = begun = [completed(self.core, field, generator) for field, generator in pairs]
             self.core.load(rows, self.core.stack(whole))
-        if self._cameras:
-            self._cameras.begin(rows, begun)
+        if self.cameras:
+            self.cameras.begin(rows, begun)
 
     def _carry_out(self, actions: NDArray[np.int64]) -> Page:
         """A decision that cameras look at before and after."""
-        assert self._cameras
+        assert self.cameras
         # What is over has begun anew with SAME_STEP, else nobody looks at it.
         awake = np.ones_like(self._over) if self.autoreset_mode is AutoresetMode.SAME_STEP else ~self._over
-        self._cameras.attend(awake, actions)
+        self.cameras.attend(awake, actions)
         plan = self.core.plan(actions)
         result = self.core.apply(plan, self.core.nominal(plan))
-        self._cameras.sense(awake)
+        self.cameras.sense(awake)
         return self.core.booked(result)
 
     def _begin(self, rows: NDArray[np.int64], page: Page) -> None:
@@ -358,7 +361,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
 
     def _seen(self, page: Page, rows: NDArray[np.bool_] | None = None) -> Observation:
         """What the worlds, or of pictures those of ``rows`` (B,), show now."""
-        return self._cameras.observe(page.observation, rows) if self._cameras else page.observation
+        return self.cameras.observe(page.observation, rows) if self.cameras else page.observation
 
     def _observation(self, page: Page) -> Observation:
         resting = self.autoreset_mode is AutoresetMode.DISABLED

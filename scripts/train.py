@@ -38,6 +38,9 @@ def main(
     scenario: Annotated[str | None, typer.Option(help="By default the environment's headline scenario.")] = None,
     config: Annotated[Path | None, typer.Option(metavar="FILE", help="YAML with settings of your own.")] = None,
     steps: Annotated[int | None, typer.Option(help="Decisions to learn from; by default what is tuned.")] = None,
+    observation: Annotated[
+        str | None, typer.Option(help="features, or pixels: what a convolutional network sees in pictures.")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the run.")] = 0,
     threads: Annotated[int | None, typer.Option(help="PyTorch threads; by default one a core.")] = None,
     out: Annotated[
@@ -60,13 +63,15 @@ def main(
     """
     from rich.console import Console
 
-    from fieldgym.agents.learning.train_settings import algorithms, tuned
+    from fieldgym.agents.learning.train_settings import OBSERVED, algorithms, tuned
     from fieldgym.envs import task
 
     env_id = environment_id(env)
     spec = task(env_id)
     if algo is not None:
         chosen(algo, algorithms(spec), f"algorithm for {env_id}")
+    if observation is not None:
+        chosen(observation, OBSERVED, "observation")
     if steps is not None:
         at_least_one(steps, "--steps")
     if threads is not None:
@@ -82,7 +87,7 @@ def main(
     except ImportError as error:
         raise CommandError(f'training needs {error.name}: pip install "fieldgym[rl]"') from None
     try:
-        settings = tuned(env_id, scenario, config, algo=algo, steps=steps)
+        settings = tuned(env_id, scenario, config, algo=algo, steps=steps, observation=observation)
     except ValueError as error:
         raise CommandError(str(error)) from None
     name = env_id.split("/")[-1]

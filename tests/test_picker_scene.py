@@ -49,7 +49,7 @@ def test_heads_in_pots_are_found_where_they_are(picker):
             core.state.pose[0, 0] = core.tables.look_pose[stop, 0]
             look = picker.view.look()
             blooms = detect(look)
-            truth = core.shown().heads.position[0, core.shown().heads.exists[0]]
+            truth = core.state.head_position[0, :-1][core.head_exists[0]] + core.frame
             inside = truth[np.abs(truth[:, 0] - core.tables.stop_pose[stop, 0]) < 0.2]
             gaps = np.linalg.norm(inside[:, None] - blooms.position[None], axis=-1).min(axis=1)
             assert gaps.max() < 0.006

@@ -75,7 +75,7 @@ def test_worlds_that_rest_go_on_showing_their_last_picture():
 def test_pictures_follow_from_the_state_alone(env_id):
     env, other = made(env_id).unwrapped, made(env_id).unwrapped
     rng = np.random.default_rng(1)
-    _, info = env.reset(seed=4)
+    observation, info = env.reset(seed=4)
     for _ in range(25):
         observation, _, ended, cut, info = env.step(legal(info["action_mask"], rng))
         if ended or cut:

@@ -110,8 +110,7 @@ def test_what_is_given_is_kept():
     assert whole.heads.slot.tolist() == [1, 0] and whole.heads.plant.tolist() == [1, 0]
     assert whole.heads.mass_g.tolist() == [0.5, 0.1] and whole.plants.height_m.tolist() == [0.7, 0.8]
     core.load(np.array([0]), core.stack([whole]))
-    loaded = core.shown()
-    assert core.state.head_mass_g[0, :2].tolist() == [0.1, 0.5] and loaded.plants.count[0] == 2
+    assert core.state.head_mass_g[0, :2].tolist() == [0.1, 0.5] and core.plant_count[0] == 2
     # Reports name heads by their rows, wherever the rules keep those.
     assert core.state.track_head[0, :2].tolist() == [1, 0] and whole.reports.head.tolist() == [0, 1]
     back: Any = core.unstack(core.stack([whole]))[0]

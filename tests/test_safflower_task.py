@@ -300,4 +300,4 @@ def test_perfect_perception_reports_every_head_with_filaments():
     env.reset(seed=5)
     core = env.core
     reported = set(core.state.track_head[0, : core.state.first[0, -1]].tolist())
-    assert reported == set(np.flatnonzero(core.shown().heads.stage[0] > 0).tolist())
+    assert reported == set(np.flatnonzero(core.state.head_stage[0, :-1] > 0).tolist())

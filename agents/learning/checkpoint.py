@@ -93,10 +93,15 @@ def restore(state: dict[str, Any], model: Any, env: NativeVecEnv) -> None:
     """
     text = state["text"]
     _check_counts(text)
-    _check_seen(state, env)
+    # Of the learner: it has the channels of pictures first.
+    _check_seen(state, model.observation_space, env.num_envs)
     env.reset()
     for part, arrays in _arrays(env).items():
         _put(arrays, state[part], part)
+    # Who draws the worlds notices another episode by its number.
+    episode = getattr(env.native.core, "episode", None)
+    if isinstance(episode, np.ndarray):
+        episode += 1
     wrong = env.native.core.misplaced()
     if wrong:
         raise CheckpointError(f"the checkpoint's {wrong} points outside its array: start without --resume")
@@ -160,16 +165,15 @@ def _check_counts(text: dict[str, Any]) -> None:
         raise CheckpointError("the checkpoint's episodes are no numbers: start without --resume")
 
 
-def _check_seen(state: dict[str, Any], env: NativeVecEnv) -> None:
-    """Raise unless the last observation is one of the environment's."""
-    spaces: Any = env.observation_space
+def _check_seen(state: dict[str, Any], space: Any, worlds: int) -> None:
+    """Raise unless the last observation is one of the learner's space, of all worlds."""
     seen = state["last_obs"]
-    fits = set(seen) == set(spaces.spaces) and all(
-        tuple(values.shape) == (env.num_envs, *spaces[name].shape) and values.numpy().dtype == spaces[name].dtype
+    fits = set(seen) == set(space.spaces) and all(
+        tuple(values.shape) == (worlds, *space[name].shape) and values.numpy().dtype == space[name].dtype
         for name, values in seen.items()
     )
     starts = state["last_starts"]
-    if not fits or tuple(starts.shape) != (env.num_envs,) or starts.dtype not in (torch.bool, torch.float32):
+    if not fits or tuple(starts.shape) != (worlds,) or starts.dtype not in (torch.bool, torch.float32):
         raise CheckpointError("the checkpoint's last observation does not fit: start without --resume")
 
 

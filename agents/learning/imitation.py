@@ -43,7 +43,7 @@ def imitate(learner: Any, env: NativeVecEnv, teacher: Policy, decisions: int, ep
         group["lr"] = learner.lr_schedule(1.0)
     for _ in range(epochs):
         for rows in torch.randperm(len(actions)).split(batch_size):
-            part = {name: values[rows] for name, values in observations.items()}
+            part = {name: values[rows].float() for name, values in observations.items()}
             value, likelihood, entropy = network.evaluate_actions(part, actions[rows])
             miss = torch.nn.functional.mse_loss(value.flatten(), gains[rows])
             loss = learner.vf_coef * miss - (likelihood + DOUBT * entropy).mean()
@@ -54,7 +54,8 @@ def imitate(learner: Any, env: NativeVecEnv, teacher: Policy, decisions: int, ep
     same = 0
     with torch.no_grad():
         for rows in torch.arange(len(actions)).split(batch_size):
-            chosen = network.get_distribution({name: values[rows] for name, values in observations.items()}).mode()
+            part = {name: values[rows].float() for name, values in observations.items()}
+            chosen = network.get_distribution(part).mode()
             same += int((chosen == actions[rows]).sum())
     # What PPO's optimiser remembers shall not be the lesson's gradients.
     optimizer.state.clear()
@@ -87,8 +88,7 @@ def _watch(
     if not chosen_rows.any():
         raise ValueError(f"no episode ended within {decisions} decisions of the teacher: give more")
     observations = {
-        name: torch.from_numpy(np.concatenate([step[0][name] for step in seen]))[chosen_rows].float()
-        for name in seen[0][0]
+        name: torch.from_numpy(np.concatenate([step[0][name] for step in seen]))[chosen_rows] for name in seen[0][0]
     }
     actions = torch.from_numpy(np.concatenate([step[1] for step in seen]))[chosen_rows]
     return observations, actions, torch.from_numpy(np.concatenate(gains[::-1]))[chosen_rows]

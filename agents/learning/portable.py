@@ -24,6 +24,8 @@ from ...kernels.files import read_file, replace_file
 from ..foreign import in_words
 from ..policies.network import FORMAT as NETWORK
 from ..policies.network import NetworkPolicy
+from ..policies.pixels import FORMAT as PIXELS
+from ..policies.pixels import PixelPolicy
 from ..policies.value_weights import FORMAT as SORTING_VALUE
 from ..policies.weights import LEARNED, PolicyFileError, Weights
 
@@ -57,6 +59,7 @@ class Portable(Protocol):
 
 READERS: dict[str, str | Callable[[Mapping[str, Any], Weights, str], Portable]] = {
     NETWORK: NetworkPolicy.of,
+    PIXELS: PixelPolicy.of,
     SORTING_VALUE: "fieldgym.agents.policies.sorting_value:ValueWeights.of",
 }
 """By format; text where a task's rules would have to load for it."""

@@ -148,8 +148,8 @@ class SetNetwork(nn.Module):
         return mask, machine, candidates.reshape(-1, layout.candidates, layout.features)
 
 
-class _SetPolicy:
-    """What the two policies below share."""
+class SetPolicyBase:
+    """What the policies of both algorithms share."""
 
     layout: Layout
     hidden: int
@@ -166,9 +166,15 @@ class _SetPolicy:
         relations: int = 0,
         **kwargs: Any,
     ):
+        """See the policies below."""
         self.layout = layout if isinstance(layout, Layout) else Layout(**layout)
         self.hidden, self.critic_hidden, self.relations = hidden, critic_hidden, relations
         super().__init__(*args, net_arch=[], **kwargs)  # type: ignore[call-arg]
+
+    def learned(self) -> dict[str, Any]:
+        """The actor's weights by name, for ``NetworkPolicy``."""
+        actor = self.mlp_extractor.actor.state_dict()
+        return {name: values.detach().numpy().copy() for name, values in actor.items()}
 
     def _build(self, lr_schedule: Any) -> None:
         self.mlp_extractor = SetNetwork(self.layout, self.hidden, self.critic_hidden, self.relations)
@@ -191,7 +197,7 @@ class _SetPolicy:
         return {**data, "layout": self.layout, **sizes}
 
 
-class MaskableSetPolicy(_SetPolicy, MaskableMultiInputActorCriticPolicy):
+class MaskableSetPolicy(SetPolicyBase, MaskableMultiInputActorCriticPolicy):
     """Set policy for ``MaskablePPO``.
 
     Args:
@@ -204,5 +210,5 @@ class MaskableSetPolicy(_SetPolicy, MaskableMultiInputActorCriticPolicy):
     """
 
 
-class SetPolicy(_SetPolicy, MultiInputActorCriticPolicy):
+class SetPolicy(SetPolicyBase, MultiInputActorCriticPolicy):
     """Set policy for ``PPO``: it takes the mask from the observation. Args as in ``MaskableSetPolicy``."""

@@ -13,6 +13,7 @@ from ...envs.task import TaskSpec, task
 from ...kernels.config import Config, ConfigError, flag, from_mapping, num, text, to_mapping
 from ...kernels.config_files import load_yaml, parse_yaml
 
+OBSERVED = ("features", "pixels")
 COMMON_ALGORITHMS = ("maskable-ppo", "ppo")
 """Those that every task has; others come from ``TaskSpec.learners``."""
 
@@ -76,13 +77,23 @@ class TrainSettings(Config):
     """Decisions that the planner looks ahead."""
     width: int = num(8, 1, 100_000, "")
     """Sequences that it keeps."""
+    observation: str = text("features")
+    """"features", or "pixels": a small convolutional network sees the candidates in pictures."""
+    pixel_rows: int = num(48, 16, 1080, "")
+    """Height of those pictures."""
+    channels: int = num(32, 2, 256, "")
+    """Of what that network sees at a place."""
     evaluate_every: int = num(10, 1, 10**9, "")
     """Updates between evaluations on held-out seeds."""
     evaluation_episodes: int = num(64, 1, 1_000_000, "")
     """Seeds of each."""
 
     def check(self) -> None:
-        """A minibatch can be filled."""
+        """A minibatch can be filled; pictures are learned from with PPO."""
+        if self.observation not in OBSERVED:
+            self.refuse("observation", f"= {self.observation!r}: {meant(self.observation, OBSERVED)}")
+        if self.observation == "pixels" and self.algo not in COMMON_ALGORITHMS:
+            self.refuse("algo", f"= {self.algo!r} does not look at pictures: choose one of {COMMON_ALGORITHMS}")
         if self.batch_size > self.num_envs * self.n_steps:
             self.refuse("batch_size", "is more than num_envs x n_steps: there is nothing to fill it with")
 
@@ -100,6 +111,10 @@ class TrainSettings(Config):
         return to_mapping(self)
 
 
+_PIXELS = {"algo": "maskable-ppo", "num_envs": 32, "n_steps": 64, "batch_size": 256, "evaluation_episodes": 64}
+"""Pictures cost more to look at than to decide on: smaller batches of them."""
+
+
 def algorithms(spec: TaskSpec) -> tuple[str, ...]:
     """What a task can be learned with."""
     return (*COMMON_ALGORITHMS, *spec.learners)
@@ -108,10 +123,12 @@ def algorithms(spec: TaskSpec) -> tuple[str, ...]:
 def tuned(env_id: str, scenario: str | None = None, config: Path | None = None, **given: Any) -> TrainSettings:
     """The settings for an environment: the task's own, those for its scenario, then a file's, then what is given.
 
+    For pictures the part ``pixels`` comes behind a file's defaults and scenario.
+
     Args:
         env_id: registered id.
         scenario: a name or a scenario file; None for the file's, or the environment's headline scenario.
-        config: YAML of the same form as the tasks' own: ``defaults`` and ``scenarios`` by name.
+        config: YAML of the same form as the tasks' own: ``defaults``, ``pixels``, and ``scenarios`` by name.
         **given: single settings; None leaves them as they are.
 
     Raises:
@@ -128,6 +145,10 @@ def tuned(env_id: str, scenario: str | None = None, config: Path | None = None, 
     spec.assembly.scenario(chosen)
     for layer in layers:
         values.update((layer.get("scenarios") or {}).get(chosen) or {})
+    if (given.get("observation") or values.get("observation")) == "pixels":
+        values.update(_PIXELS)
+        for layer in layers:
+            values.update(layer.get("pixels") or {})
     values.update({key: value for key, value in given.items() if value is not None})
     settings = TrainSettings.of({**values, "scenario": chosen})
     if settings.algo not in algorithms(spec):
@@ -148,7 +169,8 @@ def _own(spec: TaskSpec) -> dict[str, Any]:
 def _parts(data: Mapping[str, Any], where: str) -> dict[str, Any]:
     scenarios = data.get("scenarios") or {}
     if (
-        set(data) - {"defaults", "scenarios"}
+        set(data) - {"defaults", "scenarios", "pixels"}
+        or not isinstance(data.get("pixels") or {}, Mapping)
         or not isinstance(data.get("defaults") or {}, Mapping)
         or not isinstance(scenarios, Mapping)
         or not all(isinstance(part or {}, Mapping) for part in scenarios.values())

@@ -17,9 +17,11 @@ from ...kernels.locks import FolderLock
 from ..evaluation import mean
 from ..policies.layout import layout_of
 from ..policies.network import NetworkPolicy
+from ..policies.pixels import PixelPolicy
 from ..registry import make_policy
 from . import checkpoint
 from .imitation import imitate
+from .pixel_policy import MaskableSeeingPolicy, SeeingPolicy, SeeingPolicyBase
 from .runs import BEST, CheckpointError, Journal, Progress, Result, first_training_seed
 from .sb3 import NativeVecEnv, make_vec_env
 from .set_policy import MaskableSetPolicy, SetPolicy
@@ -77,6 +79,7 @@ def train(
             scenario=settings.scenario,
             time_limit_ends=settings.time_limit_ends,
             reward_scale=settings.reward_scale,
+            **_pictures(settings),
         )
         try:
             # SB3 hands its own seed on to the environment.
@@ -101,17 +104,33 @@ def _model(env: NativeVecEnv, settings: TrainSettings, seed: int) -> Any:
     from sb3_contrib import MaskablePPO
     from stable_baselines3 import PPO
 
-    algorithm: Any = MaskablePPO if settings.algo == "maskable-ppo" else PPO
-    policy = MaskableSetPolicy if settings.algo == "maskable-ppo" else SetPolicy
+    maskable = settings.algo == "maskable-ppo"
+    algorithm: Any = MaskablePPO if maskable else PPO
+    policy: Any = MaskableSetPolicy if maskable else SetPolicy
+    sizes: dict[str, Any] = {}
+    if env.native.cameras is not None:
+        policy = MaskableSeeingPolicy if maskable else SeeingPolicy
+        sizes = {"marks": env.native.cameras.marks, "channels": settings.channels}
     return algorithm(
         policy,
         env,
         learning_rate=LinearSchedule(settings.learning_rate, settings.final_learning_rate, 1.0),
         seed=seed,
         device="cpu",
-        policy_kwargs={"layout": layout_of(env.native), **{name: getattr(settings, name) for name in OF_THE_NETWORK}},
+        policy_kwargs={
+            "layout": layout_of(env.native),
+            **{name: getattr(settings, name) for name in OF_THE_NETWORK},
+            **sizes,
+        },
         **{name: getattr(settings, name) for name in OF_THE_LEARNER},
     )
+
+
+def _pictures(settings: TrainSettings) -> dict[str, Any]:
+    """What environments are asked for; a teacher wants to be told the candidates' numbers."""
+    if settings.observation == "features":
+        return {}
+    return {"observation": "both" if settings.teacher else "pixels", "pixel_rows": settings.pixel_rows}
 
 
 class _Run(BaseCallback):
@@ -208,9 +227,12 @@ class _Run(BaseCallback):
 
     def _evaluate(self) -> None:
         policy = self.learner.policy
-        weights = {
-            name: values.detach().numpy().copy() for name, values in policy.mlp_extractor.actor.state_dict().items()
-        }
-        network = NetworkPolicy(policy.layout, policy.hidden, weights, {}, relations=policy.relations)
+        sizes = policy.layout, policy.hidden, policy.learned(), {}
+        network: Any = None
+        if isinstance(policy, SeeingPolicyBase):
+            channels, rows = policy.channels, self.settings.pixel_rows
+            network = PixelPolicy(*sizes, channels=channels, rows=rows, relations=policy.relations)
+        else:
+            network = NetworkPolicy(*sizes, relations=policy.relations)
         facts = {"torch": torch.__version__, "threads": torch.get_num_threads()}
         self.record.keep(network, self.worlds.native, **facts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple, TypeVar
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,24 +67,12 @@ class Tracks(NamedTuple):
     """Index of each stop's first report; the last entry ends the last stop."""
 
 
-PartT = TypeVar("PartT", Heads, Plants, Tracks)
-
-
-def _row(part: PartT, at: int) -> PartT:
-    return part._make(values[at : at + 1] for values in part)
-
-
 class Batch(NamedTuple):
     """Fields of R worlds; ``tracks`` is None where a camera still has to look."""
 
     heads: Heads
     plants: Plants
     tracks: Tracks | None
-
-    def row(self, at: int) -> Batch:
-        """One of the fields, as a batch of one that shares the arrays."""
-        tracks = None if self.tracks is None else _row(self.tracks, at)
-        return Batch(_row(self.heads, at), _row(self.plants, at), tracks)
 
 
 def stop_centres(scenario: ScenarioConfig) -> Array:

@@ -47,22 +47,21 @@ class Tally:
         half = 0.5 * scenario.window_m
         centre = core.tables.stop_pose[stop, 0]
         here = np.abs(blooms.position[:, 0] - centre) <= half
-        true = core.shown().heads
-        heads = np.flatnonzero(true.exists[0])
+        heads = np.flatnonzero(core.head_exists[0])
         truth = core.state.head_position[0, heads] + core.frame
         inside = np.abs(truth[:, 0] - centre) <= half
         matched = pairs(blooms.position, truth)
         self.stops += 1
         for head, present in zip(heads, inside, strict=True):
-            self.present[int(true.occluded[0, head]), core.state.head_stage[0, head]] += present
+            self.present[int(core.head_occluded[0, head]), core.state.head_stage[0, head]] += present
         for report, index in matched:
             head = heads[index]
             stage = core.state.head_stage[0, head]
             if inside[index]:
-                self.reported[int(true.occluded[0, head]), stage] += 1
+                self.reported[int(core.head_occluded[0, head]), stage] += 1
                 self.confusion[stage, blooms.stage[report]] += 1
                 self.errors.append(blooms.position[report] - truth[index])
-                self.sizes.append(blooms.spread_m[report] / true.size_m[0, head] - 1.0)
+                self.sizes.append(blooms.spread_m[report] / core.head_size_m[0, head] - 1.0)
         paired = {report for report, _ in matched}
         self.false += sum(1 for report in np.flatnonzero(here) if report not in paired)
 

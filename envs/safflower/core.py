@@ -37,9 +37,6 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
         config: the task's numbers.
         perception: statistical camera, or None when reports come from outside through ``receive``.
         worlds: number of worlds B.
-
-    Attributes:
-        loaded: (B,), for each world the batch that its field came in, and the field's row there.
     """
 
     reward_names = names(Rewards)
@@ -59,7 +56,12 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
         self.observation_space = observation_space(self, k, DRIVE * k + 1, LIMIT)
         self.tables = tables_of(config, perception is None)
         self.state = empty_worlds(config, worlds)
-        self.loaded: NDArray[np.object_] = np.full(worlds, None, object)
+        # What the pictures show and the rules do not ask for.
+        slots, plants = self.state.head_mass_g.shape[1] - 1, config.scenario.plants
+        self.head_exists, self.head_occluded = np.zeros((2, worlds, slots), bool)
+        self.head_size_m, self.head_plant = np.zeros((worlds, slots)), np.zeros((worlds, slots), np.int64)
+        self.plant_base, self.plant_count = np.zeros((worlds, plants, 3)), np.zeros(worlds, np.int64)
+        self.plant_height_m, self.plant_crown_m = np.zeros((2, worlds, plants))
         self.episode = np.zeros(worlds, np.int64)
 
     @property
@@ -67,11 +69,6 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
         """World (along, across, up) of the arm plane's (cart, u, v) = 0."""
         machine, scenario = self.config.machine, self.config.scenario
         return np.array([0.0, -0.5 * machine.picker.five_bar.base_m, scenario.motor_height_m])
-
-    def shown(self, row: int = 0) -> Batch:
-        """The field that a world stands in, as a batch of one: what pictures show."""
-        batch, at = self.loaded[row]
-        return batch.row(at)
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw fields and what the statistical camera reports of them."""
@@ -97,15 +94,17 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
     def load(self, rows: Rows, batch: Batch) -> None:
         """Put fields into ``rows`` and the carts at their first stop, reports taken."""
         state = self.state
-        heads, _, tracks = batch
-        for at, row in enumerate(rows.tolist()):
-            self.loaded[row] = batch, at
+        heads, plants, tracks = batch
         state.head_position[rows, :-1] = heads.position - self.frame
         state.head_stage[rows, :-1] = heads.stage
         state.head_mass_g[rows, :-1] = heads.mass_g
         state.head_visited[rows] = False
         state.head_odds[rows, :-1, 0] = np.exp(self.config.process.luck_logit * heads.cut_luck)
         state.head_odds[rows, :-1, 1] = np.exp(self.config.process.luck_logit * heads.drop_luck)
+        self.head_exists[rows], self.head_occluded[rows] = heads.exists, heads.occluded
+        self.head_size_m[rows], self.head_plant[rows] = heads.size_m, heads.plant
+        self.plant_base[rows], self.plant_count[rows] = plants.base, plants.count
+        self.plant_height_m[rows], self.plant_crown_m[rows] = plants.height_m, plants.crown_m
         self.episode[rows] += 1
         state.totals[rows] = 0.0
         state.totals[rows, T.total] = heads.mass_g.sum(axis=1)

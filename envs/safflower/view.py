@@ -123,20 +123,19 @@ class PickerView(View[PickerPlan]):
         if self._episode == core.episode[0]:
             return
         self._episode = int(core.episode[0])
-        heads, plants, _ = core.shown()
-        self._shown = shown = np.flatnonzero(heads.exists[0])
+        self._shown = shown = np.flatnonzero(core.head_exists[0])
         self._picked.clear()
-        there = slice(int(plants.count[0]))
+        there = slice(int(core.plant_count[0]))
         self._scene.load(
             Looks(
                 head_position=core.state.head_position[0, shown] + core.frame,
-                head_stage=heads.stage[0, shown],
-                head_spread_m=heads.size_m[0, shown],
-                head_plant=heads.plant[0, shown],
-                head_occluded=heads.occluded[0, shown],
-                plant_base=plants.base[0, there],
-                plant_height_m=plants.height_m[0, there],
-                crown_m=plants.crown_m[0, there],
+                head_stage=core.state.head_stage[0, shown],
+                head_spread_m=core.head_size_m[0, shown],
+                head_plant=core.head_plant[0, shown],
+                head_occluded=core.head_occluded[0, shown],
+                plant_base=core.plant_base[0, there],
+                plant_height_m=core.plant_height_m[0, there],
+                crown_m=core.plant_crown_m[0, there],
                 potted=core.config.scenario.potted,
             )
         )
