@@ -84,7 +84,7 @@ class PixelPolicy(StatelessPolicy):
 
     def table(self, pixels: NDArray[np.uint8], slots: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Candidates' numbers (B, K F) of pictures (B, h, w, 3) and their marks (B, h, w)."""
-        light: NDArray[np.float32] = pixels.astype(np.float32) / np.float32(127.5) - np.float32(1.0)
+        light: Any = pixels.astype(np.float32) / np.float32(127.5) - np.float32(1.0)
         code = self._convolved(light, "first", STRIDE)
         code = self._convolved(np.pad(code, ((0, 0), (1, 1), (1, 1), (0, 0))), "second", 1)
         b, down, across, channels = code.shape
@@ -94,16 +94,16 @@ class PixelPolicy(StatelessPolicy):
         mark = world * most + slots[world, y, x] - 1
         cell = (world * down + np.minimum(y // STRIDE, down - 1)) * across + np.minimum(x // STRIDE, across - 1)
         each = np.bincount(mark, minlength=b * most).astype(np.float32)[:, None]
-        seen = np.zeros((b * most, channels + 2), np.float32)
+        seen: Any = np.zeros((b * most, channels + 2), np.float32)
         place = np.stack([2.0 * x / (width - 1.0) - 1.0, 2.0 * y / (height - 1.0) - 1.0], axis=-1)
         np.add.at(seen, mark, np.hstack([code.reshape(-1, channels)[cell], place.astype(np.float32)]))
         seen /= np.maximum(each, 1.0)
-        there = (each > 0.0).reshape(b, most)[:, self._marks - 1].any(axis=2).astype(np.float32)
-        own = seen.reshape(b, most, -1)[:, self._marks - 1].reshape(b, len(self._marks), -1)
+        there: Any = (each > 0.0).reshape(b, most)[:, self._marks - 1].any(axis=2).astype(np.float32)
+        own: Any = seen.reshape(b, most, -1)[:, self._marks - 1].reshape(b, len(self._marks), -1)
         return np.concatenate([there[..., None], own], axis=2).reshape(b, -1)
 
     def _convolved(self, code: NDArray[np.float32], layer: str, stride: int) -> NDArray[np.float32]:
-        weight: NDArray[np.float32] = np.asarray(self.weights[f"{layer}.weight"])
+        weight: Any = self.weights[f"{layer}.weight"]
         out, into, width, _ = weight.shape
         windows = np.lib.stride_tricks.sliding_window_view(code, (width, width), (1, 2))[:, ::stride, ::stride]
         b, down, across = windows.shape[:3]
