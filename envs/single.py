@@ -85,10 +85,9 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self.executor = self._driver(parts)
         self.render_mode = render_mode
         self._make_view, self._view, self._closed = parts.view, None, False
-        self._pixels: Pixels | None = None
-        self.observation_space = (
-            self._drawer.space(self.core.observation_space) if self.shown.draws else self.core.observation_space
-        )
+        self._pixels = self.drawer(self.shown) if self.shown.draws else None
+        known = self.core.observation_space
+        self.observation_space = self._pixels.space(known) if self._pixels else known
         self.action_space = self.core.action_space
         self._screen = Screen(f"{type(self).__name__} {self.scenario}")
         self._sensing = perception == "camera"
@@ -116,7 +115,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         parts, _ = self.equipped(dict(self._equipment))
         self._make_view, self._view, self._on_frame = parts.view, None, None
         self._screen = Screen(f"{type(self).__name__} {self.scenario}")
-        self._pixels = None
+        self._pixels = self.drawer(self.shown) if self.shown.draws and not self._closed else None
         self.executor = NominalExecutor(self.core) if self._closed else self._driver(parts)
         if self._ready and not self._closed:
             if self._sensing:
@@ -361,14 +360,8 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         """What draws observations of this world."""
         return Pixels([self.view], shown)
 
-    @property
-    def _drawer(self) -> Pixels:
-        if self._pixels is None:
-            self._pixels = self.drawer(self.shown)
-        return self._pixels
-
     def _observation(self, page: Page) -> dict[str, np.ndarray]:
-        seen = self._drawer.observe(page.observation) if self.shown.draws else page.observation
+        seen = self._pixels.observe(page.observation) if self._pixels else page.observation
         observation = {name: values[0] for name, values in seen.items()}
         self._mask = observation["action_mask"].copy()
         return observation
