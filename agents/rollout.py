@@ -27,6 +27,7 @@ class Decision(NamedTuple):
         terminated: the task is over.
         truncated: the time is up.
         info: of the environment, after it.
+        after: what there is to see then.
     """
 
     observation: Observation
@@ -36,6 +37,7 @@ class Decision(NamedTuple):
     terminated: bool
     truncated: bool
     info: dict[str, Any]
+    after: Observation
 
     @property
     def last(self) -> bool:
@@ -86,7 +88,7 @@ def decisions(
         thought_s = clock() - before
         seen = observation
         observation, reward, terminated, truncated, info = env.step(action)
-        yield Decision(seen, action, thought_s, float(reward), bool(terminated), bool(truncated), info)
+        yield Decision(seen, action, thought_s, float(reward), bool(terminated), bool(truncated), info, observation)
         if terminated or truncated:
             return
     raise RuntimeError(_endless())

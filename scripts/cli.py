@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import fieldgym
-from fieldgym.scripts import benchmark, evaluate, field, prepare, report, reproduce, run, train, view
+from fieldgym.scripts import benchmark, collect, evaluate, field, prepare, report, reproduce, run, train, view
 from fieldgym.scripts.common import execute, usable_tasks
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app.command("report")(report.main)
 app.command("reproduce")(reproduce.main)
 app.command("train")(train.main)
 app.command("evaluate")(evaluate.main)
+app.command("collect")(collect.main)
 app.command("prepare")(prepare.main)
 app.add_typer(field.app, name="field")
 
