@@ -101,12 +101,11 @@ def collect(
         for number, seed in enumerate(map(int, seeds)):
             observation, info = env.reset(seed=seed)
             fields.append(env.unwrapped.field)
-            seen, infos, rest = [], [_numbers(info)], []
+            seen, infos, rest = [observation], [_numbers(info)], []
             for decision in decisions(env, policy, observation):
-                seen.append(decision.observation)
+                seen.append(decision.after)
                 infos.append(_numbers(decision.info))
                 rest.append((decision.action, decision.reward, decision.terminated, decision.truncated))
-            seen.append(decision.after)
             actions, rewards, terminations, truncations = (list(column) for column in zip(*rest, strict=True))
             buffers.append(
                 EpisodeBuffer(
