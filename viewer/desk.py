@@ -263,8 +263,10 @@ class Desk:
         """A control's callback that has its value of that moment taken in the viewer's loop."""
 
         def callback(event: Any) -> None:
-            value = event.target.value
-            self._viewer.order(lambda: take(value))
+            # What the desk sets itself is nobody's wish.
+            if event.client is not None:
+                value = event.target.value
+                self._viewer.order(lambda: take(value))
 
         return callback
 

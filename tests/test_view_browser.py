@@ -1,0 +1,134 @@
+"""The browser view in a real browser: its buttons do what they say, and browsers that vanish change nothing."""
+
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fieldgym.agents import make_policy
+from fieldgym.agents.policies.base import act_single
+from fieldgym.scripts.view import seat_of
+from fieldgym.viewer.play import Play
+
+pytest.importorskip("viser", reason="the view extra is not installed")
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")]
+
+HOE = "fieldgym/HoeWeeding-v0"
+PATIENCE_S = 60.0
+# The page is drawn in software here; what a person has to see it do may take a while.
+ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+
+
+@pytest.fixture
+def viewer() -> Iterator[Any]:
+    from fieldgym.viewer.show import Viewer
+
+    one = Viewer(Play(HOE, "fifo", seed=3, settings={"backend": "analytic"}), seat_of, port=0)
+    thread = threading.Thread(target=one.run, daemon=True)
+    thread.start()
+    yield one
+    one.stop()
+    thread.join(PATIENCE_S)
+    assert not thread.is_alive()
+    one.close()
+
+
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield chromium
+        chromium.close()
+
+
+def opened(browser: Any, viewer: Any, width: int = 640) -> Any:
+    page = browser.new_page(viewport={"width": width, "height": 3 * width // 4})
+    page.set_default_timeout(1000.0 * PATIENCE_S)
+    page.goto(viewer.address)
+    # Several pages drawn in software are slow to show what they have.
+    page.get_by_role("button", name="One decision").wait_for(state="attached")
+    return page
+
+
+def press(page: Any, name: str) -> None:
+    page.get_by_role("button", name=name, exact=True).dispatch_event("click")
+
+
+def turn_to(page: Any, tab: str) -> None:
+    page.get_by_role("tab", name=tab, exact=True).click(force=True)
+
+
+def pick(page: Any, label: str, option: str) -> None:
+    page.get_by_label(label, exact=True).first.click(force=True)
+    page.get_by_role("option", name=option, exact=True).dispatch_event("click")
+
+
+def until(what: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not what():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.05)
+
+
+def test_buttons_do_what_they_say(viewer: Any, browser: Any):
+    page = opened(browser, viewer)
+    press(page, "One decision")
+    until(lambda: len(viewer.seats[0].log) == 1 and not viewer.running)
+    press(page, "Play")
+    until(lambda: len(viewer.seats[0].log) > 4)
+    press(page, "Pause")
+    until(lambda: not viewer.running)
+    press(page, "One decision")  # to the end of what is under way
+    until(lambda: not viewer.running and not viewer.seats[0].busy)
+
+    turn_to(page, "Decide")
+    wait = viewer.seats[0].layout.actions - 1
+    pick(page, "action", "wait")
+    done = len(viewer.seats[0].log)
+    press(page, "Do it")
+    until(lambda: len(viewer.seats[0].log) == done + 1 and not viewer.running)
+    entry = viewer.seats[0].log[-1]
+    assert entry.by_hand and entry.action == wait
+
+    until(lambda: bool(np.isfinite(viewer.seats[0].belief.slot_m).any()))
+    slot = int(np.flatnonzero(np.isfinite(viewer.seats[0].belief.slot_m[:, 0]))[0])
+    pick(page, "candidate", f"slot {slot}")
+    until(lambda: viewer.picked == slot)
+    page.get_by_text("crop_gap").first.wait_for()
+
+    turn_to(page, "Played")
+    pick(page, "policy", "nearest")
+    until(lambda: viewer.seats[0].policy.name == "nearest" and not viewer.seats[0].log)
+    seed = page.get_by_label("seed", exact=True).first
+    seed.fill("7")
+    seed.press("Enter")
+    until(lambda: viewer.play.seed == 7)
+    page.get_by_text("seed 7").first.wait_for()
+
+
+def test_browsers_that_vanish_change_nothing(viewer: Any, browser: Any):
+    pages = [opened(browser, viewer, 200) for _ in range(3)]
+    viewer.order(lambda: viewer.set_running(True))
+    until(lambda: len(viewer.seats[0].log) > 2)
+    pages[0].close()
+    pages[1].reload(wait_until="commit")
+    until(lambda: len(viewer.seats[0].log) > 6)
+    for context in browser.contexts:
+        context.close()
+    viewer.order(lambda: viewer.set_running(False))
+    until(lambda: not viewer.running)
+    env = gym.make(HOE, disable_env_checker=True, backend="analytic")
+    policy = make_policy("fifo", env, 1)
+    observation, _ = env.reset(seed=3)
+    for entry in viewer.seats[0].log:
+        action = act_single(policy, observation)
+        observation, reward, _, _, info = env.step(action)
+        assert (entry.action, entry.reward, entry.scorecard) == (action, float(reward), info["scorecard"])
+    env.close()
