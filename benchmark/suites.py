@@ -13,7 +13,7 @@ from ..agents.sources import REGISTERED, PolicySource, policy_names, policy_sour
 from ..envs.task import TaskSpec, task, tasks
 from .fields import FieldFile
 
-SUITES = ("quick", "full", "tiers")
+SUITES = ("quick", "full", "tiers", "camera")
 
 BOUND = "bound"
 """Stands where a policy stands: what no policy can beat on that instance, see ``limits``."""
@@ -23,6 +23,7 @@ QUICK_TOUR_EPISODES = 2
 """The first environment is compared, the others are shown: together they take two minutes on two cores."""
 FULL_EPISODES = 200
 FULL_PYBULLET_EPISODES = 24
+CAMERA_EPISODES = 200
 FULL_FIRST_SEED = 100_000
 """The large suites use the seeds from here on, which nothing else does: rules were tried on seeds from 0 on, cameras
 and parameters were fitted from 900,000 on, learned policies chose their weights from 1,000,000 on and learned from
@@ -293,6 +294,8 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
     camera, the others on fewer seeds with the model of theirs, without bounds. ``full``: every headline scenario on
     many seeds with the analytic backend, and on the first of them in PyBullet, both with the camera's model, so that
     the two differ in what carries plans out alone. ``tiers``: every scenario on many seeds with the analytic backend.
+    ``camera``: the reference on every headline scenario with the analytic backend, seeing with rendered cameras and, on
+    the same seeds, with the model of them.
     A task without a simulated machine, or without a camera, is run with what it has.
 
     Args:
@@ -317,16 +320,22 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
                 (headline, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES),
                 (headline, "pybullet", "model", FULL_FIRST_SEED, FULL_PYBULLET_EPISODES),
             ]
+        elif name == "camera":
+            parts = [
+                (headline, "analytic", sees, FULL_FIRST_SEED, CAMERA_EPISODES)
+                for sees in ("camera", "model")
+                if sees in spec.perceptions
+            ]
         else:
             parts = [(spec.scenarios, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES)]
         for scenarios, backend, perception, first_seed, episodes in parts:
             for scenario in scenarios:
                 case = Case(
                     Condition(env_id, scenario, *_part(spec, backend, perception)),
-                    policy_names(env_id),
+                    (spec.reference,) if name == "camera" else policy_names(env_id),
                     spec.reference,
                     tuple(range(first_seed, first_seed + episodes)),
-                    name != "quick" and spec.bound is not None,
+                    name not in ("quick", "camera") and spec.bound is not None,
                 )
                 cases.setdefault(case.condition, case)
     return Suite(name, tuple(cases.values()))

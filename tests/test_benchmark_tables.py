@@ -255,6 +255,19 @@ def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or
     assert max(seeds) < HELD_OUT_SEEDS < TRAINING_SEEDS
 
 
+def test_the_camera_suite_pairs_cameras_with_their_model():
+    from fieldgym.envs.task import tasks
+
+    cases = suites.suite("camera").cases
+    for spec in tasks():
+        own = [case for case in cases if case.condition.env_id == spec.id]
+        assert {case.condition.perception for case in own} == {"camera", "model"} & set(spec.perceptions)
+        for case in own:
+            assert (case.condition.backend, case.condition.scenario) == ("analytic", spec.headline)
+            assert case.policies == (spec.reference,) and not case.bounded
+            assert case.seeds == tuple(range(suites.FULL_FIRST_SEED, suites.FULL_FIRST_SEED + 200))
+
+
 def test_suites_cover_every_environment_with_its_reference():
     from fieldgym.agents import policy_names
     from fieldgym.bounds import bounded_ids
@@ -265,9 +278,9 @@ def test_suites_cover_every_environment_with_its_reference():
         assert {case.condition.env_id for case in cases} == set(env_ids())
         for case in cases:
             assert case.reference in case.policies
-            assert case.policies == policy_names(case.condition.env_id)
+            assert case.policies == ((case.reference,) if name == "camera" else policy_names(case.condition.env_id))
             assert case.condition.scenario in task(case.condition.env_id).scenarios
-            assert case.bounded == (name != "quick" and case.condition.env_id in bounded_ids())
+            assert case.bounded == (name not in ("quick", "camera") and case.condition.env_id in bounded_ids())
             asked = [episode.policy for episode in case.episodes() if episode.seed == case.seeds[0]]
             assert asked == [*case.policies, *([BOUND] if case.bounded else [])]
             assert [e.seed for e in case.episodes() if e.timeline] == [case.seeds[0]] * len(case.policies)
