@@ -1,4 +1,7 @@
-"""Other packages' environments, timed in processes of their own: what is not installed or fails says so in a line."""
+"""Other packages' environments, timed in processes of their own: what is not installed or fails says so in a line.
+
+Give them an environment of their own (``--peers-python``), with ``mujoco<3.4`` for Gymnasium-Robotics 1.4.
+"""
 
 from __future__ import annotations
 
@@ -133,7 +136,7 @@ def peers(quick: bool, python: Path | None = None) -> Iterator[Line]:
         if "frame_ms" in figures:
             height, width = figures["size"]
             share = figures["frame_ms"] / own["frame"]
-            yield Line("  a picture", figures["frame_ms"], "ms", note=f"{width} x {height}; ours {share:.2g} x")
+            yield Line("  a picture", figures["frame_ms"], "ms", note=f"{width} x {height}, {share:.2g} of ours")
         elif "frame_error" in figures:
             yield Line(f"  a picture: {figures['frame_error']}", None, "")
         if "ik" in figures:
