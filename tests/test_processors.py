@@ -4,7 +4,9 @@ import os
 import subprocess
 import sys
 from functools import cache
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,9 @@ import pytest
 from fieldgym.kernels.elementary import exp, power
 
 DIGESTS = Path(__file__).with_name("digests.py")
+_CPU: Any = import_module("numpy._core._multiarray_umath")
+WIDE = " ".join(name for name in _CPU.__cpu_dispatch__ if _CPU.__cpu_features__.get(name))
+"""What NumPy takes other routines for on this processor."""
 FULL, SMALL = ("16", "40"), ("1", "2")
 
 
@@ -25,6 +30,11 @@ def digests(*size: str, **variables: str) -> dict[str, str]:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return dict(line.split() for line in done.stdout.splitlines())
+
+
+@pytest.mark.skipif(not WIDE, reason="NumPy has no other routines for this processor")
+def test_numpy_s_routines_for_wide_registers_change_nothing() -> None:
+    assert digests(*FULL, NPY_DISABLE_CPU_FEATURES=WIDE) == digests(*FULL)
 
 
 def test_threads_and_hashes_change_nothing() -> None:

@@ -19,6 +19,7 @@ from ...envs.safflower.features import (
     candidate_table,
 )
 from ...envs.safflower.timing import DRIVE, P, Rates, legs_s, standing_s
+from ...kernels.elementary import exp
 from .base import Actions, ConfiguredPolicy, Observation, StatelessPolicy
 from .routes import open_route, shortest_route
 
@@ -124,7 +125,7 @@ class GramsPerSecond(ConfiguredPolicy):
         process = config.process
         strokes, suction = np.array(process.strokes), np.array(process.suction_s)
         cut = 1.0 - (1.0 - process.stroke_cut * _CENTRED_SHARE) ** strokes
-        kept = 1.0 - process.suction_loss * np.exp(-suction / process.suction_decay_s)
+        kept = 1.0 - process.suction_loss * exp(-suction / process.suction_decay_s)
         self._grams = config.head_mass_g * cut * kept
         standing = standing_s(config)[:DRIVE]
         self._process_s = standing[:, P.shear] + standing[:, P.suck] + standing[:, P.recognise]

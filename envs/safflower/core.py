@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ...kernels.elementary import exp
 from ..columns import names
 from ..core import Array, Rows, StepResult, observation_space, outside
 from ..kernel_core import KernelCore
@@ -99,8 +100,8 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
         state.head_stage[rows, :-1] = heads.stage
         state.head_mass_g[rows, :-1] = heads.mass_g
         state.head_visited[rows] = False
-        state.head_odds[rows, :-1, 0] = np.exp(self.config.process.luck_logit * heads.cut_luck)
-        state.head_odds[rows, :-1, 1] = np.exp(self.config.process.luck_logit * heads.drop_luck)
+        state.head_odds[rows, :-1, 0] = exp(self.config.process.luck_logit * heads.cut_luck)
+        state.head_odds[rows, :-1, 1] = exp(self.config.process.luck_logit * heads.drop_luck)
         self.head_exists[rows], self.head_occluded[rows] = heads.exists, heads.occluded
         self.head_size_m[rows], self.head_plant[rows] = heads.size_m, heads.plant
         self.plant_base[rows], self.plant_count[rows] = plants.base, plants.count

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ...kernels.elementary import exp
 from ...mechanisms import FiveBar
 from ..core import Array
 from ..dice import Block, draw_blocks, poisson_table
@@ -114,7 +115,7 @@ def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[
     size = SPREAD_M * (1.0 + SPREAD_SIGMA * size_z)
     spread = config.head_mass_spread
     mix = SIZE_SHARE * size_z + np.sqrt(1.0 - SIZE_SHARE**2) * mass_z
-    mass = config.head_mass_g * np.exp(spread * mix - 0.5 * spread**2)
+    mass = config.head_mass_g * exp(spread * mix - 0.5 * spread**2)
     is_open = exists & ((stage == OPEN_STAGES[0]) | (stage == OPEN_STAGES[1]))
     occluded = u.take(plants, slots) < scenario.occluded
     return (

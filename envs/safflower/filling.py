@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...kernels.elementary import exp
 from ..field import ABSENT, Camera, Flags, Whole, repeated
 from .batch import Batch, places, stack, stop_centres, unstack
 from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig, ScenarioConfig
@@ -88,7 +89,7 @@ def _nearest(heads: Heads, plants: Plants) -> Whole:
 def _whole_heads(config: SafflowerConfig, heads: Heads, plants: Plants) -> Heads:
     """Heads with a plant, a slot and a mass, which goes with the size as it does where fields are drawn."""
     sigmas = np.clip((heads.size_m / SPREAD_M - 1.0) / SPREAD_SIGMA, -_MOST_SIGMAS, _MOST_SIGMAS)
-    usual = config.head_mass_g * np.exp(config.head_mass_spread * SIZE_SHARE * sigmas)
+    usual = config.head_mass_g * exp(config.head_mass_spread * SIZE_SHARE * sigmas)
     slot = heads.slot.copy()
     free = np.setdiff1d(np.arange(len(heads) + len(slot)), slot)
     slot[heads.slot < 0] = free[: np.count_nonzero(heads.slot < 0)]
