@@ -138,6 +138,22 @@ def test_efforts_are_what_pybullet_applies_in_a_hundred_motions(errors):
     assert max(found.max() for found in errors(np.random.default_rng(2), 100)) < 0.10
 
 
+def test_viscous_friction_is_what_pybullet_brakes_with():
+    parameters = TransplanterParameters(physics_hz=HZ, damping_n_m_s=2.0, friction_n_m=10.0)
+    dynamics = transplanter_dynamics(parameters)
+    start, stroke = np.array([-0.2, -0.6]), np.array([0.4, 0.05])
+    s, v, a = law(0.3)
+    tool = start + s * stroke
+    efforts = dynamics.efforts(tool, v * stroke, a * stroke)
+    braked = efforts + dynamics.rates(tool, v * stroke) * dynamics.viscous
+    with TransplanterMachine(parameters) as machine:
+        machine.reset(start)
+        assert [motor.limit for motor in machine._machine.motors] == [80.0, 80.0]
+        assert worst(machine, transplanter_joints(parameters, tool)[:, [0, 2]], braked).max() < 0.10
+    # It is a good part of what the motors do here: without it the closed form is far off.
+    assert np.abs(braked - efforts).max() > 0.5 * np.abs(efforts).max()
+
+
 def test_soil_on_the_platform_is_carried_by_the_motors():
     dynamics = prrs_dynamics(HoeParameters())
     pose, still = dynamics.mechanism.home_pose + np.array([0.05, 0.02, 0.0, 0.0, 0.0, 0.0]), np.zeros(6)
