@@ -28,6 +28,8 @@ _LONGEST_S = 0.1
 """A turn of the loop carries time on by this at most: what computes slower than it plays plays slower."""
 _APART_M = 3.0
 """Between two machines side by side."""
+_NARROW = 0.8
+"""A page of less width a height is a phone's."""
 _CAPTION_M = 0.55
 """Height of a replay's line of figures above the middle of what is shown."""
 _NEAR = 2.5
@@ -91,6 +93,10 @@ class Viewer:
         @self.server.scene.on_click()
         def _(event: Any) -> None:
             self.order(lambda: self.pick_along(event.ray_origin, event.ray_direction))
+
+        @self.server.on_client_connect
+        def _(client: Any) -> None:
+            self.order(lambda: self._aim_narrow(client))
 
         self.load(play)
 
@@ -307,6 +313,15 @@ class Viewer:
         """Point the pages' cameras; with two machines from farther, beside the panel."""
         alone = len(self.seats) == 1
         aim(self.server, scene, middle + (0.0 if alone else 0.5) * _aside(scene), 1.1 if alone else 3.0)
+
+    def _aim_narrow(self, client: Any) -> None:
+        """On a page that is higher than wide the panel lies below: have the first machine in the upper half."""
+        scene = self.seats[0].watching.scene
+        if scene is None or client.camera.aspect > _NARROW:
+            return
+        away = 0.8 * (scene.eye - scene.middle) / client.camera.aspect
+        low = self._mirrors[0].place - np.array([0.0, 0.0, 0.22 * float(np.linalg.norm(away))])
+        client.camera.position, client.camera.look_at = low + away, low
 
 
 def aim(server: Any, scene: Scene, place: Any, farther: float) -> None:
