@@ -178,11 +178,15 @@ class Track:
     votes: Array = field(default_factory=lambda: np.zeros((2, 3)))
     crop_votes: int = 0
     treated: bool = False
+    _median: tuple[int, Array] = field(default_factory=lambda: (0, np.zeros(2)), repr=False)
 
     @property
     def place(self) -> Array:
         """Median place (2,): a picture in which it was joined with a neighbour does not count for much."""
-        return np.median(np.array(self.places), axis=0)
+        if self._median[0] != len(self.places):
+            # Asked for at every decision, another one after a picture only.
+            self._median = len(self.places), np.median(np.array(self.places), axis=0)
+        return self._median[1]
 
     @property
     def is_crop(self) -> bool:
