@@ -180,13 +180,14 @@ class WeedingCore(KernelCore[WeederPlan, WeederOutcome]):
         state, n = self.state, min(len(report), self.capacity)
         state.track_report[row, :n] = state.track_aim[row, :n] = report[:n]
         state.track_feature[row, :n] = track_features(report[:n, G.across], species[:n], stage[:n], crop_gap_m[:n])
-        for track in range(n):
-            self._near(row, track)
         state.track_count[row] = state.cursor[row] = n
         open_tracks = np.flatnonzero(~treated[:n] & (report[:n, G.along] >= state.cart[row] - self.tables.exit_m))
         nearest = open_tracks[np.argsort(report[open_tracks, G.along], kind="stable")][: self.config.slots]
         state.slot_track[row] = self.capacity
         state.slot_track[row, : len(nearest)] = nearest
+        # Only what is shown can be worked on.
+        for track in nearest.tolist():
+            self._near(row, track)
 
     def correct(self, row: int, track: int, aim: Array) -> None:
         """Take the tool camera's correction of one track: the tool will be set on ``aim`` (2,)."""
