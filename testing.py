@@ -27,7 +27,7 @@ from .envs.task import TaskSpec, task
 if TYPE_CHECKING:
     from .agents.evaluation import Scores
 
-MODES = ("NextStep", "SameStep")
+MODES = {"NextStep": 1, "SameStep": 2}  # automatic resets that a batch is compared in, each with its threads
 EXACT = 1e-9
 """Rounding that is allowed where numbers are added up in another order; everything else is compared bit for bit."""
 _MOST_ENDS = 20_000
@@ -360,6 +360,7 @@ def check_batch(env_id: str, scenario: str, mode: str, worlds: int = 8, decision
         vectorization_mode="vector_entry_point",
         scenario=scenario,
         autoreset_mode=mode,
+        threads=min(MODES[mode], worlds),
         **kwargs,
     )
     singles = [_single(task(env_id), scenario=scenario, **kwargs) for _ in range(worlds)]

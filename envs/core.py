@@ -60,6 +60,11 @@ class Page(NamedTuple):
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
 
+    def part(self, where: slice) -> Page:
+        """The rows of the worlds ``where``: what is written to one is written to both."""
+        observation = {name: values[where] for name, values in self.observation.items()}
+        return Page(observation, self.numbers[where], self.terminated[where], self.truncated[where])
+
 
 PlanT = TypeVar("PlanT")
 OutcomeT = TypeVar("OutcomeT")
@@ -104,21 +109,35 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
         self.worlds = int(worlds)
         self._planned: Any = None
 
-    def world(self, row: int) -> TaskCore[PlanT, OutcomeT]:
-        """The world ``row`` as rules of one world, which work on the same arrays: what is done to one is done to both.
+    def part(self, where: slice) -> TaskCore[PlanT, OutcomeT]:
+        """The worlds ``where`` as rules of their own on the same arrays: what is done to one is done to both.
 
         Arrays of a batch of rules, its own and those of its ``state``, have a leading world axis and are written to,
         never replaced.
         """
-        one, here = copy.copy(self), slice(row, row + 1)
-        one.worlds = 1
+        one = copy.copy(self)
+        one.worlds = len(range(self.worlds)[where])
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray):
-                setattr(one, name, value[here])
+                setattr(one, name, value[where])
         state = getattr(self, "state", None)
         if state is not None:
-            one.state = type(state)(*(values[here] for values in state))  # type: ignore[attr-defined]
+            one.state = type(state)(*(values[where] for values in state))  # type: ignore[attr-defined]
         return one
+
+    def world(self, row: int) -> TaskCore[PlanT, OutcomeT]:
+        """The world ``row`` as rules of one world, see ``part``."""
+        return self.part(slice(row, row + 1))
+
+    def blank(self) -> Page:
+        """A page to be written."""
+        shapes = {
+            name: ((self.worlds, *(space.shape or ())), space.dtype) for name, space in self.observation_space.items()
+        }
+        columns = len(self.reward_names) + len(self.phase_names) + len(self.score_names)
+        terminated, truncated = np.empty((2, self.worlds), bool)
+        observation = {name: np.empty(shape, kind) for name, (shape, kind) in shapes.items()}
+        return Page(observation, np.empty((self.worlds, columns)), terminated, truncated)
 
     def draw_field(self, generator: np.random.Generator) -> Any:
         """The field that a world with this generator gets; a task overrides this, or ``draw`` for many at once."""

@@ -95,8 +95,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self._frames_per_second = float(self.metadata["render_fps"])
         self._actions = np.zeros(1, np.int64)
         self._last: tuple[PlanT, StepResult] | None = None
-        # Of a decision that went as planned: it is looked into when somebody asks.
-        self._page: Page | None = None
+        self._page: Page | None = None  # of a decision that nobody has asked about yet
         self._mask = np.zeros(0, np.int8)
         self._given: Field | None = None
         self._drawn_from: Any = None
@@ -204,10 +203,9 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             page = self._page = self.core.decide(self._actions)
         else:
             page = self._carry_out()
-        terminated, truncated = bool(page.terminated[0]), bool(page.truncated[0])
-        self._over = terminated or truncated
-        observation, info = self._observation(page), self._info(page)
-        return observation, in_order(info["rewards"].values()), terminated, truncated, info
+        over, cut = bool(page.terminated[0]), bool(page.truncated[0])
+        self._over, observation, info = over or cut, self._observation(page), self._info(page)
+        return observation, in_order(info["rewards"].values()), over, cut, info
 
     def action_masks(self) -> np.ndarray:
         """Which actions are possible now, bool (n,); behind wrappers it is ``env.unwrapped.action_masks()``.

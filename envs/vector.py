@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from functools import partial
 from os import PathLike
-from typing import Any, ClassVar, Generic
+from typing import Any, ClassVar, Generic, NamedTuple
 
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from .asked import AskedByName
 from .assembly import Assembly, backend_of
 from .cameras import Cameras
 from .core import Array, OutcomeT, Page, PlanT, TaskCore
@@ -23,16 +23,23 @@ from .named import info_of
 from .options import checked_actions, checked_options, checked_seeds, completed
 from .pixels import DEFAULT_ROWS, Shown
 from .state import State, check, put, refuse_closed, taken
+from .team import Team
 
 Observation = dict[str, NDArray[Any]]
+Rules = TaskCore[Any, Any]
 _REMEMBERED = ("_over", "_ended")
 """What a state holds of the environment itself."""
-_SHARED = ("action_space", "backend", "metadata", "observation_space", "perception", "render_mode", "scenario", "spec")
-_OWN = ("action_masks", "np_random", "np_random_seed")
-"""What can be asked of the worlds by name: what they share, and what each has for itself."""
 
 
-class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Generic[PlanT, OutcomeT]):
+class Ending(NamedTuple):
+    """What the worlds ``rows`` showed when their episode ended, before they began another: see ``Page``."""
+
+    rows: NDArray[np.int64]
+    observation: Observation
+    numbers: Array
+
+
+class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
     """``num_envs`` worlds stepped as one; bit for bit what as many single environments give on equal seeds.
 
     A task's batched environment is a subclass with its ``assembly`` and a docstring. PyBullet machines run one a
@@ -55,6 +62,8 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         observation: as in ``TaskEnv``, like the next two.
         pixel_rows: see there.
         depth: see there.
+        threads: step so many shares of the worlds side by side, bit for bit as one thread does; for thousands of worlds
+            on as many free processors, since handing a step over takes some 0.2 ms.
         **settings: see ``scenario``.
 
     Raises:
@@ -78,9 +87,11 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         observation: str = "features",
         pixel_rows: int = DEFAULT_ROWS,
         depth: bool = False,
+        threads: int = 1,
         **settings: Any,
     ):
         """Put the parts together."""
+        super().__init__()
         given = settings
         parts, settings = self.equipped(settings)
         backend = backend_of(backend, engine) or "analytic"
@@ -95,6 +106,7 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.cameras = self._equip()
+        self._team = Team(threads, core, sees=self.cameras is not None)
         known = core.observation_space
         self.single_observation_space = self.cameras.space(known) if self.cameras else known
         self.single_action_space = core.action_space
@@ -104,7 +116,6 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self._seeds = [-1] * core.worlds
         self._over = np.zeros(core.worlds, bool)
         self._ready, self._ended = False, Ended()
-        self._named: dict[str, tuple[Any, ...]] = {}
         self._mask = np.zeros((core.worlds, int(core.action_space.n)), np.int8)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -159,7 +170,10 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         for i in np.flatnonzero(chosen):
             if seeds[i] is not None or self._generators[i] is None:
                 self._generators[i], self._seeds[i] = seeding.np_random(seeds[i])
-        self._restart(np.flatnonzero(chosen), asked.get("fields"))
+        if asked.get("fields") is not None:
+            self._restart(self.core, slice(0, n), np.flatnonzero(chosen), asked["fields"])
+        else:
+            self._team.each(lambda core, where: self._restart(core, where, np.flatnonzero(chosen[where])))
         self._over[chosen] = False
         self._ready = all(generator is not None for generator in self._generators)
         return self._standing(chosen)
@@ -174,24 +188,18 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
             gymnasium.error.ResetNeeded: a world was not reset yet.
             gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
-        chosen, before = self._checked(actions), self._over
-        page = self._carry_out(chosen) if self.cameras else self.core.decide(chosen)
-        extra: dict[str, Any] = {}
-        if self.autoreset_mode is AutoresetMode.NEXT_STEP and before.any():
-            # The finished worlds stepped along in the batch; what they did is overwritten by their new episode.
-            self._begin(np.flatnonzero(before), page)
-            page.terminated[before], page.truncated[before] = False, False
+        chosen, before, reward = self._checked(actions), self._over, np.empty(self.num_envs)
+        page = self._carry_out(chosen) if self.cameras else self.core.decide(chosen) if self._team.alone else None
+        page, decided = (self.core.blank(), False) if page is None else (page, True)
+        ended = self._team.each(lambda core, where: self._advance(core, where, page, reward, decided, chosen))
         if self.autoreset_mode is AutoresetMode.DISABLED:
             self._rest(before, page)
+            reward[before] = 0.0
         self._over = page.terminated | page.truncated
-        # Added up as the single environment adds its terms.
-        reward = sum(page.numbers[:, i] for i in range(len(self.core.reward_names)))
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
-            extra = self._final(page)
-            self._begin(np.flatnonzero(self._over), page)
+        extra = self._final([one for one in ended if one]) if any(ended) else {}
         observation = self._observation(page)
         info = self._info(page.numbers, np.ones(self.num_envs, bool)) | extra
-        return observation, np.asarray(reward), page.terminated, page.truncated, info
+        return observation, reward, page.terminated, page.truncated, info
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are possible now, bool (num_envs, n).
@@ -239,49 +247,6 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self._ready = True
         return self._standing(np.ones(self.num_envs, bool))
 
-    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """What ``name`` is in every world, or gives where it can be called, as Gymnasium's ``SyncVectorEnv`` answers.
-
-        Raises:
-            AttributeError: see ``get_attr``.
-        """
-        return tuple(value(*args, **kwargs) if callable(value) else value for value in self.get_attr(name))
-
-    def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every world: what it has for itself, what the worlds share, or what ``set_attr`` gave it.
-
-        Raises:
-            AttributeError: the worlds of a batch have no attribute of this name.
-        """
-        if name in self._named:
-            return self._named[name]
-        if name == "action_masks":
-            return tuple(partial(self._mask_of, row) for row in range(self.num_envs))
-        if name in _OWN:
-            return getattr(self, name)
-        if name in ("action_space", "observation_space"):
-            return (getattr(self, f"single_{name}"),) * self.num_envs
-        if name in _SHARED:
-            return (getattr(self, name),) * self.num_envs
-        known = ", ".join((*_OWN, *_SHARED, *self._named))
-        raise AttributeError(
-            f"the worlds of a batch have no attribute {name!r}: ask for {known}, or the batch's `core`"
-        )
-
-    def set_attr(self, name: str, values: Any) -> None:
-        """Give every world an attribute of a caller's own: a list or tuple of one value a world, or one for all.
-
-        Raises:
-            AttributeError: the environment has an attribute of this name; worlds cannot change what they share.
-            ValueError: there are more or fewer values than worlds.
-        """
-        if name not in self._named and hasattr(self, name):
-            raise AttributeError(f"{name!r} cannot be set: the worlds of a batch share it, make another batch")
-        values = tuple(values) if isinstance(values, list | tuple) else (values,) * self.num_envs
-        if len(values) != self.num_envs:
-            raise ValueError(f"{len(values)} values for {self.num_envs} worlds: give one a world, or a single one")
-        self._named[name] = values
-
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of every world, -1 before its first reset."""
@@ -293,23 +258,52 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         return tuple(self._generators)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free what cameras hold."""
+        """Free what cameras hold, and let threads go."""
+        self._team.close()
         if self.cameras:
             self.cameras.close()
 
-    def _restart(self, rows: NDArray[np.int64], fields: Any = None) -> None:
-        generators = [g for g in (self._generators[row] for row in rows) if g is not None]
+    def _restart(self, core: Rules, where: slice, rows: NDArray[np.int64], fields: Any = None) -> None:
+        """Give new episodes to ``rows`` of the worlds ``where``, whose rules ``core`` are."""
+        mine = self._generators[where]
+        generators = [g for g in (mine[row] for row in rows) if g is not None]
         begun: Sequence[Any] = [g.bit_generator.state for g in generators] if self.cameras else []
         if fields is None:
-            self.core.reset_rows(rows, generators)
+            core.reset_rows(rows, generators)
         else:
             if isinstance(fields, str) or not isinstance(fields, Sequence) or len(fields) != len(rows):
                 raise ValueError(f"fields must be a list of {len(rows)} fields or files, one a world that is reset")
             pairs = zip(fields, generators, strict=True)
-            whole = begun = [completed(self.core, field, generator) for field, generator in pairs]
-            self.core.load(rows, self.core.stack(whole))
+            whole = begun = [completed(core, field, generator) for field, generator in pairs]
+            core.load(rows, core.stack(whole))
         if self.cameras:
             self.cameras.begin(rows, begun)
+
+    def _advance(
+        self, core: Rules, where: slice, page: Page, reward: Array, decided: bool, actions: NDArray[np.int64]
+    ) -> Ending | None:
+        """A step of the worlds ``where``, whose rules ``core`` are, written into a page, with what episodes follow.
+
+        Gives what is shown of the worlds whose last episode nobody would see else.
+        """
+        over, page = self._over[where], page if decided else page.part(where)
+        if not decided:
+            core.decide(actions[where], page)
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and over.any():
+            # The finished worlds stepped along in the batch; what they did is overwritten by their new episode.
+            self._begin(core, where, np.flatnonzero(over), page)
+            page.terminated[over], page.truncated[over] = False, False
+        # Added up as the single environment adds its terms.
+        reward[where] = sum(page.numbers[:, i] for i in range(len(core.reward_names)))
+        if self.autoreset_mode is not AutoresetMode.SAME_STEP:
+            return None
+        over = page.terminated | page.truncated
+        if not over.any():
+            return None
+        rows, seen = np.flatnonzero(over), self._seen(page, over)
+        ending = Ending(where.start + rows, {name: values[rows] for name, values in seen.items()}, page.numbers[rows])
+        self._begin(core, where, rows, page)
+        return ending
 
     def _carry_out(self, actions: NDArray[np.int64]) -> Page:
         """A decision that cameras look at before and after."""
@@ -322,11 +316,11 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         self.cameras.sense(awake)
         return self.core.booked(result)
 
-    def _begin(self, rows: NDArray[np.int64], page: Page) -> None:
-        """Give worlds new episodes, and a page what they show then: nothing was decided in them."""
-        self._restart(rows)
+    def _begin(self, core: Rules, where: slice, rows: NDArray[np.int64], page: Page) -> None:
+        """Give worlds new episodes, and their page what they show then: nothing was decided in them."""
+        self._restart(core, where, rows)
         page.numbers[rows] = 0.0
-        self.core.show(rows, page)
+        core.show(rows, page)
 
     def _rest(self, before: NDArray[np.bool_], page: Page) -> None:
         """Let worlds that are over show their end, those that were so ``before`` without a decision."""
@@ -343,9 +337,6 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         if not self._ready:
             waiting = next(row for row, generator in enumerate(self._generators) if generator is None)
             raise ResetNeeded(f"world {waiting} was not reset yet: call reset() first, for every world")
-
-    def _mask_of(self, row: int) -> NDArray[np.bool_]:
-        return self.action_masks()[row]
 
     def _standing(self, present: NDArray[np.bool_]) -> tuple[Observation, dict[str, Any]]:
         """Observation and info before any decision."""
@@ -380,17 +371,18 @@ class TaskVectorEnv(VectorEnv[Observation, NDArray[np.int64], NDArray[Any]], Gen
         }
         return info_of(blocks, self._mask, present)
 
-    def _final(self, page: Page) -> dict[str, Any]:
+    def _final(self, endings: Sequence[Ending]) -> dict[str, Any]:
         """The last observation and info of the worlds that end now, in Gymnasium's layout."""
-        batch = self._seen(page, self._over)
-        self._mask = batch["action_mask"].copy()
-        last = np.full(self.num_envs, None, object)
-        for row in np.flatnonzero(self._over):
-            last[row] = {name: values[row].copy() for name, values in batch.items()}
+        last, numbers = np.full(self.num_envs, None, object), np.zeros((self.num_envs, endings[0].numbers.shape[1]))
+        self._mask = np.zeros_like(self._mask)
+        for rows, observation, ended in endings:
+            numbers[rows], self._mask[rows] = ended, observation["action_mask"]
+            for place, row in enumerate(rows):
+                last[row] = {name: values[place].copy() for name, values in observation.items()}
         return {
             "final_obs": last,
             "_final_obs": self._over.copy(),
-            "final_info": self._info(page.numbers, self._over),
+            "final_info": self._info(numbers, self._over),
             "_final_info": self._over.copy(),
         }
 

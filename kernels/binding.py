@@ -9,9 +9,9 @@ from numba.extending import overload
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-OPTIONS: Any = {"error_model": "numpy", "forceinline": True}
+OPTIONS: Any = {"error_model": "numpy", "forceinline": True, "nogil": True}
 """Numba's options for every kernel: IEEE arithmetic as written, division by zero gives infinity or NaN. What a kernel
-calls becomes a part of it, so that no call hands arrays over one by one."""
+calls becomes a part of it, so that no call hands arrays over one by one; threads run kernels side by side."""
 BOUND: dict[tuple[str, Any], Any] = {}
 """Compiled functions by the name of their stub and the type of their first argument."""
 STUBS: set[Callable[..., Any]] = set()

@@ -50,11 +50,11 @@ class StrawberryCore(fg.TaskCore):
     reward_names, phase_names = ("picked", "time"), ("travel", "grip")
     score_names = (*fg.COMMON_SCORES, "phase_travel_s", "phase_grip_s")
     machine_features, candidate_features = ("across", "up", "time"), ("present", "across", "up", "ripe", "travel")
-    field_type = StrawberryField
+    field_type, rows = StrawberryField, property(lambda self: np.arange(self.worlds))
 
     def __init__(self, config, perception, worlds=1):
         super().__init__(worlds)
-        self.config, self.n, self.rows = config, config.scenario.berries, np.arange(worlds)
+        self.config, self.n = config, config.scenario.berries
         self.place, self.tool = np.zeros((worlds, self.n, 2)), np.zeros((worlds, 2))
         self.there, self.ripe, self.held = np.zeros((3, worlds, self.n), bool)
         self.phases_s, self.counts = np.zeros((worlds, 2)), np.zeros((worlds, 5))
