@@ -130,6 +130,7 @@ class Desk:
         label = PAUSE if self._viewer.running else PLAY
         if self._play.label != label:
             self._play.label = label
+        self._stale = True
         self._renew()
 
     def tick(self) -> None:
@@ -191,7 +192,12 @@ class Desk:
             if slot is None
             else panels.features(features(seat.observation, layout, belief, slot))
         )
-        self._opinions.content = panels.boxed("Pause to ask every policy.") if viewer.running else self._asked()
+        if viewer.running:
+            self._opinions.content = panels.boxed("Pause to ask every policy.")
+        elif seat.busy:
+            self._opinions.content = panels.boxed(f"{SINGLE} ends what is under way; then every policy is asked.")
+        else:
+            self._opinions.content = self._asked()
 
     def _asked(self) -> str:
         """What every policy would do now."""
