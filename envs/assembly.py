@@ -125,7 +125,7 @@ class Assembly(Generic[ConfigT]):
             config = override(config, {"scenario": self.scenario(scenario)})
         for name, value in (settings or {}).items():
             if name not in self.settings:
-                raise TypeError(f"keyword {name!r} is unknown: {meant(name, (*KEYWORDS, *self.settings))}")
+                raise TypeError(f"unexpected keyword argument {name!r}: {meant(name, (*KEYWORDS, *self.settings))}")
             if value is not None:
                 setting = self.settings[name]
                 config = override(config, {setting: value}) if isinstance(setting, str) else setting(config, value)

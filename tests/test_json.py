@@ -81,3 +81,9 @@ def test_a_limit_of_decisions_is_gymnasium_s_and_survives_too() -> None:
     assert again.spec.max_episode_steps == 3
     again.reset(seed=0)
     assert [again.step(again.action_space.n - 1)[3] for _ in range(3)] == [False, False, True]
+
+
+def test_an_unknown_keyword_is_told_as_python_tells_it() -> None:
+    """TorchRL tries ``frameskip=1`` and leaves it out where it reads these words."""
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip': choose one of 'scenario', 'backend'"):
+        gym.make("fieldgym/LaserWeeding-v0", engine="analytic", frameskip=1)
