@@ -104,27 +104,6 @@ def z_axis(w: Any, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-def from_axes(matrix: Array) -> Array:
-    """Quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3); Shepperd's choice of the largest component."""
-    m = np.asarray(matrix, dtype=np.float64)
-    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    a, b, c = m[..., 2, 1], m[..., 0, 2], m[..., 1, 0]
-    d, e, f = m[..., 1, 2], m[..., 2, 0], m[..., 0, 1]
-    candidates = np.stack(
-        [
-            np.stack([1.0 + xx + yy + zz, a - d, b - e, c - f], axis=-1),
-            np.stack([a - d, 1.0 + xx - yy - zz, c + f, b + e], axis=-1),
-            np.stack([b - e, c + f, 1.0 - xx + yy - zz, a + d], axis=-1),
-            np.stack([c - f, b + e, a + d, 1.0 - xx - yy + zz], axis=-1),
-        ],
-        axis=-2,
-    )
-    best = np.stack([xx + yy + zz, xx, yy, zz], axis=-1).argmax(axis=-1)
-    chosen = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
-    chosen = chosen / np.sqrt(np.sum(chosen * chosen, axis=-1, keepdims=True))
-    return np.where(chosen[..., :1] < 0.0, -chosen, chosen)
-
-
 def euler_angles(quaternion: Array) -> Array:
     """(alpha, beta, gamma), shape (..., 3), of Rz(gamma) Ry(beta) Rx(alpha): the angles of a mechanism's pose."""
     w, x, y, z = (quaternion[..., i] for i in range(4))

@@ -11,11 +11,12 @@ statistical camera on seeds that no benchmark uses. The script prints the number
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import gymnasium as gym
 import numpy as np
+import typer
 from rich.console import Console
 from rich.table import Table
 
@@ -107,15 +108,14 @@ def _solve(process: ProcessConfig, name: str, low: float, high: float, excess, w
     return replace(process, **{name: 0.5 * (low + high)})
 
 
-def main() -> None:
-    """Calibrate or check, and print."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--worlds", type=int, default=4000, help="runs of the protocol a measurement (default 4000)")
-    parser.add_argument("--check", action="store_true", help="measure the numbers as they are")
-    options = parser.parse_args()
-    process = ProcessConfig() if options.check else calibrate(options.worlds)
+def main(
+    worlds: Annotated[int, typer.Option(help="Runs of the protocol a measurement.")] = 4000,
+    check: Annotated[bool, typer.Option("--check", help="Measure the numbers as they are.")] = False,
+) -> None:
+    """Find the picker's three identified numbers from the paper's protocol, or measure what they give."""
+    process = ProcessConfig() if check else calibrate(worlds)
     table = Table("", "published", *(f"computed, {p}" for p in ("model", "perfect")))
-    results = [run_protocol(process, options.worlds, perception) for perception in ("model", "perfect")]
+    results = [run_protocol(process, worlds, perception) for perception in ("model", "perfect")]
     table.add_row("period, s", "16", *(f"{r.period_s:.3f} +- {r.period_error_s:.3f}" for r in results))
     table.add_row("net rate, %", "87.91", *(f"{100 * r.net_rate:.3f} +- {100 * r.net_rate_error:.3f}" for r in results))
     table.add_row("mean of groups, %", "87.91", *(f"{100 * r.group_mean:.3f}" for r in results))
@@ -127,4 +127,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

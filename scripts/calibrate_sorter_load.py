@@ -8,9 +8,10 @@ what a machine needs for one item when it never lacks any. ``REFERENCE_CYCLE_S``
 
 from __future__ import annotations
 
-import argparse
+from typing import Annotated
 
 import numpy as np
+import typer
 
 from fieldgym.agents.policies.sorting import Fifo
 from fieldgym.envs.core import NominalExecutor
@@ -35,15 +36,10 @@ def busy_cycle_s(streams: int, scenario: str = "load-1.6") -> float:
     return seconds / grips
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--streams", type=int, default=200)
-    options = parser.parse_args()
-    if options.streams < 1:
-        parser.error("--streams must be at least 1")
-    print(f"busy cycle {busy_cycle_s(options.streams):.3f} s; REFERENCE_CYCLE_S = {REFERENCE_CYCLE_S}")
+def main(streams: Annotated[int, typer.Option(min=1)] = 200) -> None:
+    """Find the sorter's reference cycle, by which the scenarios' loads are counted."""
+    print(f"busy cycle {busy_cycle_s(streams):.3f} s; REFERENCE_CYCLE_S = {REFERENCE_CYCLE_S}")
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

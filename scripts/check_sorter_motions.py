@@ -12,11 +12,12 @@ taken.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
+import typer
 
 from fieldgym.agents.policies.base import RandomPolicy
 from fieldgym.envs.core import NominalExecutor
@@ -49,7 +50,6 @@ class Tally:
     simulated: int = 0
     violations: list[str] = field(default_factory=list)
     worst_m: float = 0.0
-    worst_rad: float = 0.0
     saturated: int = 0
 
 
@@ -143,15 +143,9 @@ def check(motions: int, seed: int) -> Tally:
     return tally
 
 
-def main() -> None:
-    """Check and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--motions", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    if options.motions < 2:
-        parser.error("--motions must be at least 2")
-    tally = check(options.motions, options.seed)
+def main(motions: Annotated[int, typer.Option(min=2)] = 10_000, seed: int = 0) -> None:
+    """Command the sorter random motions and hold every one to the mechanism's limits."""
+    tally = check(motions, seed)
     print(f"{tally.free} free motions, {tally.picks} picks; simulated {tally.simulated}")
     print(f"refused {sum(tally.refused.values())}: {dict(tally.refused.most_common())}")
     print(f"  within the limits at both ends, but not on the way: {tally.refused_on_the_way}")
@@ -163,4 +157,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -127,13 +127,11 @@ def played(task: str, overrides: dict[str, float], seeds: int, backend: str) -> 
     return float(scores.scorecard["cycle_time_s"].mean()), 100.0 * float(scores.scorecard["net_rate"].mean())
 
 
-def cells(
-    task: str, seeds: int, physics: int, limits: Sequence[float] = LIMITS, masses: Sequence[float] = MASSES
-) -> Iterator[tuple[float, float, str]]:
+def cells(task: str, seeds: int, physics: int) -> Iterator[tuple[float, float, str]]:
     """Factors of limits and mass, and what came of them in words."""
     machine = MACHINES[task]
-    for mass in masses:
-        for limit in limits:
+    for mass in MASSES:
+        for limit in LIMITS:
             overrides = machine.scaled(limit, mass)
             result = played(task, overrides, seeds, "analytic")
             if isinstance(result, str):
@@ -194,8 +192,6 @@ def main() -> None:
     parser.add_argument("--task", choices=tuple(MACHINES), action="append")
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--physics", type=int, default=0)
-    parser.add_argument("--limits", type=float, nargs="+", default=LIMITS)
-    parser.add_argument("--masses", type=float, nargs="+", default=MASSES)
     parser.add_argument("--random", type=int, default=0)
     parser.add_argument("--backend", choices=("analytic", "pybullet"), default="analytic")
     options = parser.parse_args()
@@ -206,9 +202,9 @@ def main() -> None:
             counts = try_random(task, options.random // len(tasks), options.backend)
             console.print(f"{task}: {dict(counts)} in {time.perf_counter() - start:.0f} s, {options.backend}")
             continue
-        table = Table("tool mass", *(f"motors x{limit:g}" for limit in options.limits), title=task)
+        table = Table("tool mass", *(f"motors x{limit:g}" for limit in LIMITS), title=task)
         rows: dict[float, list[str]] = {}
-        for _, mass, words in cells(task, options.seeds, options.physics, options.limits, options.masses):
+        for _, mass, words in cells(task, options.seeds, options.physics):
             rows.setdefault(mass, []).append(words)
         for mass, row in rows.items():
             table.add_row(f"x{mass:g}", *row)

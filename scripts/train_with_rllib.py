@@ -11,40 +11,42 @@ RLlib's PPO knows no masks: an illegal action costs time, and the learner finds 
 
 from __future__ import annotations
 
-import argparse
 import time
-from typing import Any
+from typing import Annotated, Any
 
 import gymnasium as gym
+import typer
 
-import fieldgym
+from fieldgym.scripts.common import CommandError, environment_id, execute
+
+app = typer.Typer(add_completion=False)
 
 
-def main() -> None:
-    """Train and print."""
-    names = {env_id.split("/")[1].split("-v")[0]: env_id for env_id in fieldgym.env_ids()}
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--id", default="SafflowerPicking", choices=tuple(names))
-    parser.add_argument("--iterations", type=int, default=3)
-    parser.add_argument("--workers", type=int, default=1, help="processes that play (default 1)")
-    options = parser.parse_args()
+@app.command()
+def main(
+    env: Annotated[str, typer.Option("--id", help="An environment; see fieldgym list.")] = "SafflowerPicking",
+    iterations: int = 3,
+    workers: Annotated[int, typer.Option(help="Processes that play.")] = 1,
+) -> None:
+    """Train with RLlib's PPO and print how it goes."""
+    env_id = environment_id(env)
     try:
         from ray.rllib.algorithms.ppo import PPOConfig  # pyright: ignore[reportMissingImports]
         from ray.tune.registry import register_env  # pyright: ignore[reportMissingImports]
     except ImportError as error:
-        parser.error(f"{error.name} is missing: see the head of this script for the environment that it needs")
+        raise CommandError(f"{error.name} is missing: the head of this script says what it needs") from None
 
     def make(config: dict[str, Any]) -> gym.Env[Any, Any]:
         # Workers import this package anew; its import registers the ids.
         import fieldgym  # noqa: F401
 
-        return gym.wrappers.FlattenObservation(gym.make(names[options.id], backend="analytic"))
+        return gym.wrappers.FlattenObservation(gym.make(env_id, backend="analytic"))
 
-    register_env(options.id, make)
-    config = PPOConfig().environment(options.id).env_runners(num_env_runners=options.workers)
+    register_env(env_id, make)
+    config = PPOConfig().environment(env_id).env_runners(num_env_runners=workers)
     config = config.training(lr=1e-3, gamma=1.0, train_batch_size_per_learner=4000, minibatch_size=1000, num_epochs=4)
     algorithm = config.build_algo()
-    for iteration in range(options.iterations):
+    for iteration in range(iterations):
         began = time.perf_counter()
         played = algorithm.train()["env_runners"]
         print(
@@ -56,4 +58,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    execute(app, "python scripts/train_with_rllib.py")

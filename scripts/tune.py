@@ -65,7 +65,7 @@ def main(
 
     def tell(study: Any, trial: Any) -> None:
         value = "ended early" if trial.value is None else f"{trial.value:.4f}"
-        console.print(f"trial {trial.number}: {value}; best so far {best_value(study)}")
+        console.print(f"trial {trial.number}: {value}; best so far {study.best_value:.4f}")
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(
@@ -77,7 +77,7 @@ def main(
         pruner=optuna.pruners.MedianPruner(n_startup_trials=5),
     )
     study.optimize(objective, n_trials=trials, callbacks=[tell])
-    console.print(f"Best of {len(study.trials)} trials: return {best_value(study)} with")
+    console.print(f"Best of {len(study.trials)} trials: return {study.best_value:.4f} with")
     console.print(yaml.safe_dump({"scenarios": {scenario: study.best_params}}, sort_keys=True))
 
 
@@ -93,14 +93,6 @@ def suggested(trial: Any) -> dict[str, Any]:
         "ent_coef": trial.suggest_float("ent_coef", 1e-4, 2e-2, log=True),
         "hidden": trial.suggest_categorical("hidden", [32, 48, 64]),
     }
-
-
-def best_value(study: Any) -> str:
-    """The best trial's score, in words."""
-    try:
-        return f"{study.best_value:.4f}"
-    except ValueError:
-        return "none"
 
 
 if __name__ == "__main__":

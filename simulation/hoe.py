@@ -27,11 +27,6 @@ class HoeMachine(PrrsMachine):
     numbers = HoeParameters
     parameters: HoeParameters
 
-    def tip_world(self) -> Array:
-        """Middle of the blade's underside (3,) in the world."""
-        position, quaternion = self.platform()
-        return position + self._origin - self.parameters.tool_m * axes(quaternion)[:, 2]
-
     def soil_force(self, pose: ArrayLike, speed_m_s: float) -> tuple[Array, Array]:
         """Force of the soil on the blade along a motion, (n, 3) N, and where it acts, (n, 3) in the cart's frame.
 

@@ -69,21 +69,28 @@ class PickerMachine(LoopMachine):
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, bar.forward([-0.5 * np.pi, -0.5 * np.pi]))
 
-    def place(self, cart_x_m: float, tool: ArrayLike) -> None:
+    def place(self, cart_x_m: float, tool: ArrayLike) -> Array:
         """Put all joints where the kinematics says, at rest, without stepping.
 
         Args:
             cart_x_m: x of the arm's plane, metres.
             tool: (2,), (u, v) in metres.
 
+        Returns:
+            Their values in the order of ``JOINTS``.
+
         Raises:
             UnreachablePoseError: the tool position is beyond the reach of a leg.
         """
-        self._place(cart_x_m, tool)
+        joints = picker_joints(
+            self.parameters, np.array([cart_x_m], dtype=np.float64), as_points(tool, 2, "tool").reshape(1, 2)
+        )[0]
+        self._machine.reset(joints[self._order])
+        return joints
 
     def reset(self, cart_x_m: float, tool: ArrayLike) -> None:
         """``place`` the machine and have its motors hold it there."""
-        self._machine.hold(self._place(cart_x_m, tool)[_DRIVEN])
+        self._machine.hold(self.place(cart_x_m, tool)[_DRIVEN])
 
     def run(
         self,
@@ -132,13 +139,6 @@ class PickerMachine(LoopMachine):
     def tool_world(self) -> Array:
         """The tool centre in the world, (3,), metres."""
         return self._machine.point("platform")
-
-    def _place(self, cart_x_m: float, tool: ArrayLike) -> Array:
-        joints = picker_joints(
-            self.parameters, np.array([cart_x_m], dtype=np.float64), as_points(tool, 2, "tool").reshape(1, 2)
-        )[0]
-        self._machine.reset(joints[self._order])
-        return joints
 
     def _trajectory(self, cart: ArrayLike, tool: ArrayLike) -> tuple[Array, Array]:
         carts, tools = np.asarray(cart, dtype=np.float64), as_points(tool, 2, "tool")

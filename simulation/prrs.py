@@ -38,15 +38,11 @@ class PrrsResult(MotionResult):
     """What a motion of a 3-PRRS did.
 
     Attributes as ``MotionResult``, and:
-        final_position_m: platform's centre in mechanism coordinates, (3,).
-        final_quaternion: (w, x, y, z), (4,).
         position_error_m: largest distance of the platform's centre from its command.
         angle_error_rad: largest angle between the platform and its command.
         peak_effort: largest magnitudes that the motors applied: 3 forces in N, 3 torques in N m; (6,).
     """
 
-    final_position_m: Array
-    final_quaternion: Array
     position_error_m: float
     angle_error_rad: float
     peak_effort: Array
@@ -94,17 +90,29 @@ class PrrsMachine(LoopMachine):
         """PyBullet's number of the platform."""
         return self._machine.body_ids["platform"]
 
-    def place(self, pose: ArrayLike) -> None:
+    def place(self, pose: ArrayLike) -> Array:
         """Put all joints where the kinematics says, at rest, without stepping.
+
+        Returns:
+            Their values in the order of ``MOTORS`` and ``SWINGS``.
 
         Raises:
             UnreachablePoseError: the pose (6,) is beyond a limit; names it.
         """
-        self._place(pose)
+        poses = as_points(pose, 6, "pose").reshape(1, 6)
+        self._require_reach(poses)
+        chains = self.parameters.mechanism.chains(poses)
+        joints = np.concatenate([chains.joints[0], chains.swing[0]])
+        quaternion = from_euler(poses[0, 3:])
+        position = poses[0, :3] + self._origin
+        # PyBullet places a free body by its centre of mass.
+        base = pybullet.multiplyTransforms(position.tolist(), quaternion[[1, 2, 3, 0]].tolist(), *self._to_mass)
+        self._machine.reset(joints[self._order], {"platform": base})
+        return joints
 
     def reset(self, pose: ArrayLike) -> None:
         """``place`` the machine and have its motors hold it there."""
-        self._machine.hold(self._place(pose)[: len(MOTORS)])
+        self._machine.hold(self.place(pose)[: len(MOTORS)])
 
     def run(
         self, pose: ArrayLike, on_step: Callable[[int], None] | None = None, *, measure: bool = False
@@ -143,12 +151,9 @@ class PrrsMachine(LoopMachine):
             seen.look(float(apart[0]), float(apart[1]))
 
         duration_s = self._follow(targets, look, on_step, measure)
-        position, quaternion = self.platform()
         return PrrsResult(
             duration_s=duration_s,
-            final_position_m=position,
-            final_quaternion=quaternion,
-            final_error_m=float(np.linalg.norm(position - poses[-1, :3])),
+            final_error_m=float(np.linalg.norm(self.platform()[0] - poses[-1, :3])),
             position_error_m=float(seen.errors[0]),
             angle_error_rad=float(seen.errors[1]),
             closure_error_m=seen.closure_m,
@@ -178,19 +183,6 @@ class PrrsMachine(LoopMachine):
         if found is not None:
             at = poses[found.sample].tolist()
             raise UnreachablePoseError("ThreePRRS", at, found.limit, found.margin, (found.sample,))
-
-    def _place(self, pose: ArrayLike) -> Array:
-        """Joint values in the order of ``MOTORS`` and ``SWINGS``, after the machine has been put there."""
-        poses = as_points(pose, 6, "pose").reshape(1, 6)
-        self._require_reach(poses)
-        chains = self.parameters.mechanism.chains(poses)
-        joints = np.concatenate([chains.joints[0], chains.swing[0]])
-        quaternion = from_euler(poses[0, 3:])
-        position = poses[0, :3] + self._origin
-        # PyBullet places a free body by its centre of mass.
-        base = pybullet.multiplyTransforms(position.tolist(), quaternion[[1, 2, 3, 0]].tolist(), *self._to_mass)
-        self._machine.reset(joints[self._order], {"platform": base})
-        return joints
 
 
 @contextmanager

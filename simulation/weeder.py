@@ -123,11 +123,7 @@ class WeederMachine(LoopMachine):
     def _astray_m(self, cart_x_m: float, pose: Array) -> float:
         """Distance of the platform's centre from where a cart and a pose put it."""
         wanted = np.array([cart_x_m + pose[0], 0.0, self.parameters.base_height_m - pose[1]])
-        return float(np.linalg.norm(self.platform_world() - wanted))
-
-    def platform_world(self) -> Array:
-        """The platform's centre in the world, (3,), metres."""
-        return self._machine.point("platform")
+        return float(np.linalg.norm(self._machine.point("platform") - wanted))
 
     def beam_world(self, height_m: float = 0.0) -> Array:
         """World place (2,) where the beam meets the horizontal plane at ``height_m``."""

@@ -23,7 +23,7 @@ from fieldgym.envs.weeding.timing import Place, approach, move_time
 from fieldgym.envs.weeding.tools.hoe.arm import HoeArm, HoeReach
 from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
 from fieldgym.envs.weeding.tools.hoe.env import hoe_core
-from fieldgym.envs.weeding.tools.hoe.machine import check_reach, poses, tip_way
+from fieldgym.envs.weeding.tools.hoe.machine import poses, tip_way
 from fieldgym.envs.weeding.tools.hoe.process import (
     HoeProcessConfig,
     Stir,
@@ -232,8 +232,13 @@ def test_a_legal_stir_keeps_the_blade_within_its_travel(along, across, speed):
 def test_everything_that_the_rules_may_command_is_within_the_mechanism():
     config = HoeWeedingConfig()
     reach = config.reach
-    margins = check_reach(config.parameters, config.process, reach.travel_m, reach.half_width_m, 0.04)
-    assert min(margins.values()) > 0.0
+    # Moves may overshoot the range along the row by 0.04 m; the largest circle is added to both ranges.
+    circle, side = max(config.process.stir_radius_m), np.linspace(-1.0, 1.0, 25)
+    heights = np.array([-max(config.process.depth_m), config.process.clearance_m])
+    ranges = side * (reach.travel_m + max(circle, 0.04)), side * (reach.half_width_m + circle), heights
+    tip = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1).reshape(-1, 3)
+    margins = config.parameters.mechanism.margins(poses(config.parameters, tip, np.zeros(len(tip))))
+    assert min(float(values.min()) for values in margins.values()) > 0.0
     # Resting over ground the blade falls behind the cart by at most 0.147 of the way that the cart drives meanwhile.
     worst_s = float(QUINTIC.duration(2.0 * reach.half_width_m, reach.velocity_m_s, reach.acceleration_m_s2))
     for scenario in SCENARIOS.values():

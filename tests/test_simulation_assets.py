@@ -7,6 +7,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import typer
 
 from fieldgym.scripts import generate_assets
 from fieldgym.simulation.assets import asset_path
@@ -16,24 +17,26 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_generated_assets_are_current() -> None:
-    assert generate_assets.stale_assets() == [], "run python scripts/generate_assets.py"
+    assert generate_assets.stale_assets() == {}, "run python scripts/generate_assets.py"
 
 
 def test_missing_and_altered_files_are_stale_and_mended(tmp_path: Path) -> None:
     names = sorted(generate_assets.generated_assets())
-    assert generate_assets.stale_assets(tmp_path) == names
+    assert list(generate_assets.stale_assets(tmp_path)) == names
     assert generate_assets.write_assets(tmp_path) == names
-    assert generate_assets.stale_assets(tmp_path) == []
+    assert generate_assets.stale_assets(tmp_path) == {}
     (tmp_path / PICKER_ASSET).write_text("<robot/>")
-    assert generate_assets.stale_assets(tmp_path) == [PICKER_ASSET]
+    assert list(generate_assets.stale_assets(tmp_path)) == [PICKER_ASSET]
     assert generate_assets.write_assets(tmp_path) == [PICKER_ASSET]
     assert not list(tmp_path.rglob("*.new"))
 
 
 def test_check_fails_on_a_stale_file(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert generate_assets.main(["--check"]) == 0
-    monkeypatch.setattr(generate_assets, "stale_assets", lambda: ["urdf/old.urdf"])
-    assert generate_assets.main(["--check"]) == 1
+    generate_assets.main(check=True)
+    monkeypatch.setattr(generate_assets, "stale_assets", lambda: {"urdf/old.urdf": ""})
+    with pytest.raises(typer.Exit) as ended:
+        generate_assets.main(check=True)
+    assert ended.value.exit_code == 1
     assert "assets/urdf/old.urdf is stale" in capsys.readouterr().err
 
 

@@ -31,13 +31,14 @@ def wanted(observation: Observation) -> NDArray[np.bool_]:
 class _Rule(ConfiguredPolicy):
     """A pair of the presented rows while there is one worth planting, else the conveyor that brings the next one."""
 
-    def __init__(self, config: TransplantingConfig, *, choose_speed: bool = True):
+    chooses_speed = True
+
+    def __init__(self, config: TransplantingConfig):
         """Take the machine's times and the plugs' chances from the configuration."""
         scenario, process, weights = config.scenario, config.process, config.weights
         self._times = times(config)
         self._carry_s = np.ascontiguousarray(self._times.carry[..., W.s])
         self._n, self._m = scenario.source.columns, scenario.target.columns
-        self._choose_speed = choose_speed
         chances = speed_chances(config.machine, process)
         arrives = (1.0 - chances[:, H.lose]) * (1.0 - chances[:, H.damage])
         good = process.extraction * arrives
@@ -65,7 +66,7 @@ class _Rule(ConfiguredPolicy):
 
     def _speed(self, observation: Observation, pair: NDArray[np.int64]) -> NDArray[np.int64] | int:
         """Speed (B,) with the highest expected value per second of the cycle."""
-        if not self._choose_speed:
+        if not self.chooses_speed:
             return NORMAL
         approach = np.take_along_axis(self._approach_s(observation), pair[:, None], axis=1)
         seconds = approach + self._times.handle_s + self._carry_s[:, pair].T
@@ -75,11 +76,7 @@ class _Rule(ConfiguredPolicy):
 class FixedOrder(_Rule):
     """The common sequence: the first seedling of the row into the first gap, normal speed."""
 
-    name = "fixed-order"
-
-    def __init__(self, config: TransplantingConfig):
-        """See ``_Rule``."""
-        super().__init__(config, choose_speed=False)
+    name, chooses_speed = "fixed-order", False
 
     def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
         return pairs.argmax(axis=1)
@@ -88,11 +85,7 @@ class FixedOrder(_Rule):
 class FixedOrderChosenSpeed(FixedOrder):
     """The common sequence at the speed with the highest expected value per second."""
 
-    name = "fixed-order-speed"
-
-    def __init__(self, config: TransplantingConfig):
-        """See ``_Rule``."""
-        _Rule.__init__(self, config)
+    name, chooses_speed = "fixed-order-speed", True
 
 
 class Nearest(_Rule):

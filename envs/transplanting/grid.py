@@ -16,7 +16,6 @@ is not read.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..field import FieldError
@@ -80,14 +79,6 @@ def read_grid(text: str, where: str) -> TrayMap:
     if not blocks.get("source"):
         raise FieldError(f"{where}: no source trays: draw their cells, a line a row: {_ADVICE}")
     return TrayMap(blocks["source"], blocks.get("target", []), lines)
-
-
-def write_grid(source: Sequence[Sequence[int]], target: Sequence[Sequence[int]]) -> str:
-    """The map of trays whose cells hold these."""
-    blocks = []
-    for head, cells in zip(HEADS, (source, target), strict=True):
-        blocks.append("\n".join([head, *(" ".join(SIGNS[state] for state in row) for row in cells)]))
-    return "\n\n".join(blocks) + "\n"
 
 
 def _row(words: list[str], at: str) -> list[int]:

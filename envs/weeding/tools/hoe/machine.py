@@ -104,24 +104,3 @@ def tip_way(hoe: HoeProcessConfig, plan: WeederPlan, phases_s: Array, time_s: Ar
         tip[:, 1] += radius * np.sin(angle)
         tip[:, 2] -= (hoe.clearance_m + hoe.depth_m[mode]) * (down - up)
     return tip
-
-
-def check_reach(
-    parameters: HoeParameters, hoe: HoeProcessConfig, travel_m: float, half_width_m: float, excess_m: float
-) -> dict[str, float]:
-    """Smallest margins of the mechanism over all that the hoe may command, metres and radians.
-
-    Args:
-        parameters: the machine.
-        hoe: depths and clearance; the largest circle is added to both ranges.
-        travel_m: range of the blade before and behind the cart's middle while it works.
-        half_width_m: range to either side.
-        excess_m: how far moves may overshoot ``travel_m``.
-    """
-    circle = max(hoe.stir_radius_m)
-    x = np.linspace(-1.0, 1.0, 25) * (travel_m + max(circle, excess_m))
-    y = np.linspace(-1.0, 1.0, 25) * (half_width_m + circle)
-    z = np.array([-max(hoe.depth_m), hoe.clearance_m])
-    tip = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
-    margins = parameters.mechanism.margins(poses(parameters, tip, np.zeros(len(tip))))
-    return {name: float(values.min()) for name, values in margins.items()}

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from .....motion import QUINTIC
-from .....simulation.weeder import WeederMachine, WeederResult
-from .....simulation.weeder_model import WeederParameters
+from .....simulation.weeder import WeederMachine
 from ....core import Array
 from ....driven import Driven
 from ...core import WeederOutcome, WeedingCore
 from ...state import WAIT, V, WeederPlan
 from ...timing import WORK, P, ways_of, whole_steps
 from ..stayed import FAR_M, stayed
-from .aim import LaserReach, poses
+from .aim import poses
 from .config import WeedingConfig
 from .process import B
 
@@ -34,7 +33,6 @@ class PyBulletWeeder(Driven[WeederPlan, WeederOutcome]):
         self._config: WeedingConfig = core.config
         self._machine = WeederMachine(self._config.parameters)
         self._dt = 1.0 / self._machine.parameters.physics_hz
-        self.last_result: WeederResult | None = None
 
     def place(self) -> None:
         """Put the machine where the rules say it stands, its cart driving already."""
@@ -56,7 +54,6 @@ class PyBulletWeeder(Driven[WeederPlan, WeederOutcome]):
             burning[first::_LOOK_EVERY] = True
         reach = config.reach
         report = self._machine.run(cart, poses(reach, beam, cart), reach.target_height_m, burning)
-        self.last_result = report
         hit = plan.aim
         if works:
             seen = report.beam[burning]
@@ -81,17 +78,3 @@ def trajectory(config: WeedingConfig, plan: WeederPlan, phases_s: Array, time_s:
     share = QUINTIC.sample(time_s, 1.0, move_s).position
     start, target = plan.start[0], plan.target[0]
     return plan.cart[0] + way, start + share[:, None] * (target - start)
-
-
-def check_reach(reach: LaserReach, excess_m: float = 0.05) -> dict[str, float]:
-    """Smallest margins of ``ThreeUPSRPU.weeder()`` over all that the aim may command, metres and radians.
-
-    Args:
-        reach: ranges of the aim.
-        excess_m: how far moves may overshoot the range of X.
-    """
-    x = np.linspace(-1.0, 1.0, 11) * (reach.travel_m + excess_m)
-    lean, across = np.linspace(-1.0, 1.0, 11) * reach.lean_m, np.linspace(-1.0, 1.0, 11) * reach.half_width_m
-    grid = np.stack(np.meshgrid(x, lean, across, indexing="ij"), axis=-1).reshape(-1, 3)
-    margins = WeederParameters().mechanism.margins(poses(reach, grid, np.zeros(len(grid))))
-    return {name: float(values.min()) for name, values in margins.items()}
