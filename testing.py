@@ -354,13 +354,14 @@ def check_batch(env_id: str, scenario: str, mode: str, worlds: int = 8, decision
     Raises:
         ContractError: something differs.
     """
+    drawn = kwargs.get("perception") == "camera" or kwargs.get("observation", "features") != "features"
     batch = gym.make_vec(
         env_id,
         num_envs=worlds,
         vectorization_mode="vector_entry_point",
         scenario=scenario,
         autoreset_mode=mode,
-        threads=min(MODES[mode], worlds),
+        threads=1 if drawn else min(MODES[mode], worlds),
         **kwargs,
     )
     singles = [_single(task(env_id), scenario=scenario, **kwargs) for _ in range(worlds)]
