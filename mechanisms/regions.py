@@ -11,6 +11,22 @@ from .batching import Array
 _BISECTIONS = 30
 
 
+def bisected(holds: Callable[[Array], np.ndarray], inner: Array, outer: Array, times: int) -> Array:
+    """The last places, as ``inner``, where something still holds on the way to ``outer``, where it does not.
+
+    Args:
+        holds: maps places to booleans (n,).
+        inner: where it holds, (n,) or (n, k).
+        outer: where it does not.
+        times: how often the stretch between them is halved.
+    """
+    for _ in range(times):
+        middle = 0.5 * (inner + outer)
+        good = holds(middle).reshape(-1, *[1] * (middle.ndim - 1))
+        inner, outer = np.where(good, middle, inner), np.where(good, outer, middle)
+    return inner
+
+
 def label_regions(mask: np.ndarray, wrap: tuple[int, ...] = ()) -> np.ndarray:
     """Number the connected parts of a boolean lattice of any dimension (neighbours share a face).
 
@@ -81,11 +97,8 @@ def boundary_loops(reachable: Callable[[Array], np.ndarray], x: Array, y: Array)
     start_inside = np.concatenate([inside[:-1][across], inside[:, :-1][up]])
     inner = np.where(start_inside[:, None], starts, ends)
     outer = np.where(start_inside[:, None], ends, starts)
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (inner + outer)
-        good = reachable(middle)[:, None] if len(middle) else np.zeros((0, 1), dtype=bool)
-        inner, outer = np.where(good, middle, inner), np.where(good, outer, middle)
-    return [inner[loop] for loop in _follow(_links(inside, number_x, number_y))]
+    edge = bisected(reachable, inner, outer, _BISECTIONS) if len(inner) else inner
+    return [edge[loop] for loop in _follow(_links(inside, number_x, number_y))]
 
 
 def _links(inside: np.ndarray, number_x: np.ndarray, number_y: np.ndarray) -> dict[int, int]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..kernels.sums import in_order
 from .batching import Array
-from .regions import boundary_loops, enclosed_voids, label_regions
+from .regions import bisected, boundary_loops, enclosed_voids, label_regions
 from .workspace import polygon_area
 
 SpatialMethod = Literal["monte-carlo", "polar", "grid"]
@@ -199,7 +199,11 @@ def polar_sections(
         distances = np.linspace(0.0, farthest, steps)
         hit = in_plane(middle + directions[:, None, :] * distances[:, None])
         last = steps - 1 - np.argmax(hit[:, ::-1], axis=1)
-        outer = _bisect(in_plane, middle, directions, distances[last], distances[last] + distances[1])
+
+        def on_rays(distance: Array, in_plane: Reachable = in_plane, middle: Array = middle) -> np.ndarray:
+            return in_plane(middle + directions * distance[:, None])
+
+        outer = bisected(on_rays, distances[last], distances[last] + distances[1], _BISECTIONS)
         outline = middle + directions * outer[:, None]
         area = abs(polygon_area(outline))
         holes: tuple[Array, ...] = ()
@@ -254,11 +258,7 @@ def _farthest(reachable: Reachable, columns: Array, axis: int, levels: Array) ->
     result = np.full(len(columns), np.nan)
     inner = levels[last[found]]
     outer = np.where(last[found] == count - 1, inner, inner + levels[1] - levels[0])
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (inner + outer)
-        good = on_columns(middle, columns[found])
-        inner, outer = np.where(good, middle, inner), np.where(good, outer, middle)
-    result[found] = inner
+    result[found] = bisected(lambda middle: on_columns(middle, columns[found]), inner, outer, _BISECTIONS)
     return result
 
 
@@ -280,14 +280,6 @@ def _middle(in_plane: Reachable, low: Array, high: Array, cells: int = 15) -> Ar
                 return middle
             return hits[np.argmin(np.sum((hits - middle) ** 2, axis=1))]
     return None
-
-
-def _bisect(in_plane: Reachable, middle: Array, directions: Array, inner: Array, outer: Array) -> Array:
-    for _ in range(_BISECTIONS):
-        between = 0.5 * (inner + outer)
-        good = in_plane(middle + directions * between[:, None])
-        inner, outer = np.where(good, between, inner), np.where(good, outer, between)
-    return inner
 
 
 def _gauss_levels(low: float, high: float, count: int) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from .batching import Array
-from .regions import boundary_loops
+from .regions import bisected, boundary_loops
 
 Method = Literal["monte-carlo", "polar", "grid"]
 Reachable = Callable[[Array], np.ndarray]
@@ -159,8 +159,5 @@ def _polar_boundary(reachable: Reachable, centre: Array, radius_m: float, rays: 
     last = per_ray - 1 - np.argmax(hit[:, ::-1], axis=1)
     inner = np.where(hit.any(axis=1), distances[last], 0.0)
     outer = np.minimum(inner + distances[1], radius_m)
-    for _ in range(40):
-        middle = 0.5 * (inner + outer)
-        good = reachable(centre + directions * middle[:, None])
-        inner, outer = np.where(good, middle, inner), np.where(good, outer, middle)
-    return centre + directions * inner[:, None]
+    last_m = bisected(lambda away: reachable(centre + directions * away[:, None]), inner, outer, 40)
+    return centre + directions * last_m[:, None]

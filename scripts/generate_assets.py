@@ -10,10 +10,10 @@ import typer
 
 from fieldgym.kernels.files import replace_file
 from fieldgym.simulation.hoe_model import HoeParameters
-from fieldgym.simulation.picker_model import picker_assets
+from fieldgym.simulation.picker_model import PICKER_ASSET, PickerParameters, picker_robot
 from fieldgym.simulation.sorter_model import SorterParameters
-from fieldgym.simulation.transplanter_model import transplanter_assets
-from fieldgym.simulation.weeder_model import weeder_assets
+from fieldgym.simulation.transplanter_model import PHYSICS_ASSET, TransplanterParameters, transplanter_robot
+from fieldgym.simulation.weeder_model import WEEDER_ASSET, WeederParameters, weeder_robot
 
 ASSETS = Path(__file__).resolve().parent.parent / "assets"
 
@@ -21,7 +21,12 @@ ASSETS = Path(__file__).resolve().parent.parent / "assets"
 def generated_assets() -> dict[str, str]:
     """Text of every generated file, by its path below ``assets/``."""
     prrs = HoeParameters().assets() | SorterParameters().assets()
-    return dict(sorted((picker_assets() | prrs | transplanter_assets() | weeder_assets()).items()))
+    trees = {
+        PICKER_ASSET: picker_robot(PickerParameters()),
+        PHYSICS_ASSET: transplanter_robot(TransplanterParameters()),
+        WEEDER_ASSET: weeder_robot(WeederParameters()),
+    }
+    return dict(sorted((prrs | {name: robot.to_xml() for name, robot in trees.items()}).items()))
 
 
 def stale_assets(folder: Path = ASSETS) -> dict[str, str]:

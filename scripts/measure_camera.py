@@ -36,11 +36,6 @@ def of_safflower(stops: int = 220) -> dict[str, Any]:
     return told | {"scenarios": fits}
 
 
-def of_sorting(frames: int = 240) -> dict[str, Any]:
-    """So many frames, the scenarios in turn."""
-    return sorting.measure(frames)
-
-
 def of_transplanting(rows: int = 100) -> dict[str, Any]:
     """So many rows a pair of presets and side."""
     data: dict[str, Any] = {"cameras": "RGB-D, straight down, over each row as it comes in"}
@@ -71,7 +66,7 @@ def of_weeding(strips: int | None = None) -> dict[str, Any]:
 
 MEASURED = {
     "safflower": of_safflower,
-    "sorting": of_sorting,
+    "sorting": sorting.measure,
     "transplanting": of_transplanting,
     "weeding": of_weeding,
 }

@@ -105,7 +105,7 @@ class LoopMachine:
             if self._owns_client:
                 self.client.close()
             else:
-                self._remove()
+                self._machine.remove()
         self._open = False
 
     def __enter__(self: MachineT) -> MachineT:
@@ -119,10 +119,6 @@ class LoopMachine:
     def motors_at(self, saturated: NDArray[np.bool_]) -> list[str]:
         """Names of the motors that are at their limits, from a report's ``saturated``."""
         return [motor.joint for motor, weak in zip(self._machine.motors, saturated.tolist(), strict=True) if weak]
-
-    def _remove(self) -> None:
-        """Take everything out of a world that was lent."""
-        self._machine.remove()
 
     def _require_rate(self) -> None:
         """Raise a ValueError where a lent world runs at another rate than trajectories are sampled at."""

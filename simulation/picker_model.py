@@ -173,11 +173,6 @@ def hose_outlet_m(bar: FiveBar) -> Vector:
     return (_TUBE_X_M, 0.0, bar.tool_drop_m + _TUBE_LENGTH_M)
 
 
-def picker_assets() -> dict[str, str]:
-    """Text of every URDF that ships for the picker, by its path below ``assets/``."""
-    return {PICKER_ASSET: picker_robot(PickerParameters()).to_xml()}
-
-
 def _bar_parts(length_m: float, x_m: float, width_m: float, depth_m: float) -> tuple[Part, ...]:
     """A flat tube along y with round ends and a pin at each joint."""
     tube = Box((depth_m, length_m, width_m))

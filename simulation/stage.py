@@ -6,7 +6,7 @@ import copy
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Literal, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,6 @@ from ..rendering.instances import Instances, joined
 from ..rendering.library import MeshLibrary
 from ..rendering.renderer import GroundLook, Look, Renderer
 
-Engine = Literal["own", "tiny"]
 SceneT = TypeVar("SceneT", bound="Scene")
 
 
@@ -109,11 +108,8 @@ class Stage:
         up: ArrayLike,
         *groups: str,
         ground: GroundLook | None = None,
-        engine: Engine = "own",
     ) -> Frame:
         """What a camera sees of some groups, or of all; ``seen`` says whom its pixels show."""
-        if engine == "tiny":
-            return self.seen(camera, eye, target, up, *groups, engine=engine).frame
         frame = self._renderer.look(self.things(*groups), camera, eye, target, up, ground, identities=False).frame
         spectator = _SPECTATOR.get()
         if spectator is not None:
@@ -128,7 +124,6 @@ class Stage:
         up: ArrayLike,
         *groups: str,
         ground: GroundLook | None = None,
-        engine: Engine = "own",
     ) -> Look:
         """A frame with identities; see ``Renderer.look``.
 
@@ -138,18 +133,9 @@ class Stage:
             target: (3,), metres.
             up: (3,), direction.
             *groups: those to draw; all where none is named.
-            ground: painted ground, of the own engine alone.
-            engine: ``"tiny"`` asks PyBullet's software renderer, with which the own one is compared. It is slow, and
-                goes with the release after next.
+            ground: painted ground.
         """
-        things = self.things(*groups)
-        if engine == "tiny":
-            # PyBullet loads where it is asked for.
-            from .tiny import TinyWorld
-
-            with TinyWorld(self.library, things) as world:
-                return world.look(camera, eye, target, up)
-        return self._renderer.look(things, camera, eye, target, up, ground)
+        return self._renderer.look(self.things(*groups), camera, eye, target, up, ground)
 
     def picture(self, camera: Camera, eye: ArrayLike, target: ArrayLike, about: ArrayLike) -> NDArray[np.uint8]:
         """A picture (h, w, 3) for people, with sky and with the shadows of what is about a place (3,)."""

@@ -103,11 +103,6 @@ def transplanter_robot(parameters: TransplanterParameters, *, looks: bool = Fals
     return Robot("tray_transplanter", tuple(links), tuple(joints))
 
 
-def transplanter_assets() -> dict[str, str]:
-    """Text of every URDF that ships for the transplanter, by its path below ``assets/``."""
-    return {PHYSICS_ASSET: transplanter_robot(TransplanterParameters()).to_xml()}
-
-
 def transplanter_joints(parameters: TransplanterParameters, tools: NDArray[np.float64]) -> NDArray[np.float64]:
     """Joint positions (n, 6) in the order of ``JOINTS`` for tools (n, 2).
 

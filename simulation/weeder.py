@@ -12,6 +12,7 @@ from ..mechanisms.batching import as_points
 from .client import pybullet
 from .closed_loop import Closure, Motor
 from .machine import LoopMachine
+from .motion_result import Maxima, MotionResult
 from .weeder_model import JOINTS, WEEDER_ASSET, WeederParameters, weeder_joints, weeder_robot
 
 Array = NDArray[np.float64]
@@ -20,24 +21,16 @@ MOTORS = ("cart", "leg1", "leg2", "leg3", "leg4")
 _DRIVEN = [JOINTS.index(name) for name in MOTORS]
 
 
-@dataclass
-class WeederResult:
-    """What a motion did.
+@dataclass(frozen=True)
+class WeederResult(MotionResult):
+    """What a motion of the weeder did.
 
-    Attributes:
-        duration_s: simulated time.
-        final_error_m: distance of the platform's centre from its command at the end.
-        closure_error_m: largest gap in a closed loop, of the steps that were looked at.
+    Attributes as ``MotionResult``, and:
         peak_effort: largest force (5,) of the motors, N, of the steps that were looked at.
-        saturated: which motors were at their limits, (5,) bool.
         beam: (n, 2) world places where the beam met the plane that was asked for, NaN where nobody looked.
     """
 
-    duration_s: float
-    final_error_m: float
-    closure_error_m: float
     peak_effort: Array
-    saturated: NDArray[np.bool_]
     beam: Array = field(repr=False)
 
 
@@ -105,20 +98,20 @@ class WeederMachine(LoopMachine):
         rows = np.zeros(len(carts), bool) if look is None else np.asarray(look, bool).copy()
         rows[last] = True
         beam = np.full((len(carts), 2), np.nan)
-        peak, closure = np.zeros(len(MOTORS)), 0.0
+        seen = Maxima(self._machine, 0, len(MOTORS))
 
         def watch(row: int) -> None:
-            nonlocal closure
             if rows[row]:
                 beam[row] = self.beam_world(target_height_m)
-                closure = max(closure, self._machine.closure_error_m())
-                np.maximum(peak, np.abs(self._machine.motor_efforts()), out=peak)
+                seen.look()
             if on_step is not None:
                 on_step(row)
 
         self._machine.follow(targets, watch)
         astray_m = self._astray_m(carts[last], poses[last])
-        return WeederResult(last * self.client.step_s, astray_m, closure, peak, self._machine.saturated(peak), beam)
+        saturated, measured = self._machine.saturated(seen.effort), bool(rows.all())
+        duration_s = last * self.client.step_s
+        return WeederResult(duration_s, astray_m, seen.closure_m, saturated, measured, seen.effort, beam)
 
     def _astray_m(self, cart_x_m: float, pose: Array) -> float:
         """Distance of the platform's centre from where a cart and a pose put it."""

@@ -145,11 +145,6 @@ def weeder_joints(
     return np.stack(columns, axis=-1)
 
 
-def weeder_assets() -> dict[str, str]:
-    """Text of every URDF that ships for the weeder, by its path below ``assets/``."""
-    return {WEEDER_ASSET: weeder_robot(WeederParameters()).to_xml()}
-
-
 def _cylinder_parts() -> tuple[Part, ...]:
     """The actuator's housing, from the joint down the leg; the motor sits beside it."""
     return (

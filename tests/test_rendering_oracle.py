@@ -9,7 +9,8 @@ import pytest
 
 import fieldgym  # noqa: F401
 from fieldgym.perception import blooms, trays, weeds
-from fieldgym.simulation.stage import Engine
+from fieldgym.simulation.stage import Stage
+from fieldgym.simulation.tiny import TinyWorld
 
 
 def env(name: str, **settings: Any) -> Any:
@@ -25,7 +26,7 @@ def compared(stage: Any, view: tuple[Any, ...], *groups: str) -> tuple[float, fl
         things = stage._groups[name]
         stage.put(name, things._replace(identity=np.arange(number, number + len(things.mesh), dtype=np.int32)))
         number += len(things.mesh)
-    own, tiny = (stage.seen(*view, *groups, engine=engine) for engine in ("own", "tiny"))
+    own, tiny = stage.seen(*view, *groups), by_pybullet(stage, *view, *groups)
     edges = cv2.dilate(own.identity.astype(np.float32), np.ones((3, 3))) != cv2.erode(
         own.identity.astype(np.float32), np.ones((3, 3))
     )
@@ -39,9 +40,16 @@ def straight(scene: Any, camera: Any, eye: np.ndarray, up: tuple[float, float, f
     return camera, eye, eye - np.array([0.0, 0.0, 1.0]), up
 
 
+def by_pybullet(stage: Any, camera: Any, eye: Any, target: Any, up: Any, *groups: str) -> Any:
+    with TinyWorld(stage.library, stage.things(*groups)) as world:
+        return world.look(camera, eye, target, up)
+
+
 def look_both(look: Any) -> list[Any]:
-    engines: tuple[Engine, Engine] = ("own", "tiny")
-    return [look(engine) for engine in engines]
+    own = look()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Stage, "look", lambda *view: by_pybullet(*view).frame)
+        return [own, look()]
 
 
 @pytest.mark.parametrize("scenario", ["pots", "row"])
@@ -63,7 +71,7 @@ def test_the_tray_cameras(side):
     task.view._follow()
     scene, line = task.view._scene, task.view._lines[side]
     cells = trays.Cells(scene.cells_m(side), line.tray.pitch_m, task.view._lines["source"].tray.pitch_m)
-    found = [trays.detect(frame, cells) for frame in look_both(lambda engine: scene.look(side, 2, engine))]
+    found = [trays.detect(frame, cells) for frame in look_both(lambda: scene.look(side, 2))]
     assert np.array_equal(found[0], found[1])
     along = line.offsets_m()[2] + (-0.160)
     scene.stage.put("row", scene._laid(side, along, -0.30, -0.02))
@@ -85,7 +93,7 @@ def test_the_weeders_cameras():
     for view in (front, tool):
         same, median, most, colours = compared(scene.stage, view, "plants", "soil", "ground")
         assert same >= 0.999 and median < 3e-6 and most < 1e-5 and colours > 0.9995
-    frames = [scene.stage.look(*front, "plants", "soil", "ground", engine=engine) for engine in ("own", "tiny")]
+    frames = look_both(lambda: scene.stage.look(*front, "plants", "soil", "ground"))
     found = [weeds.detect(frame) for frame in frames]
     assert len(found[0].position) > 5
     assert np.abs(found[0].position - found[1].position).max() < 1e-5

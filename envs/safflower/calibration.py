@@ -6,7 +6,6 @@ stage and occlusion, reports without a head, confusion of stages, position error
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -23,11 +22,6 @@ PUBLISHED = {
     "mean_error_mm": [2.42, 2.86, 3.18],
     "detection": 0.91,
 }
-
-
-def pairs(reported: np.ndarray, truth: np.ndarray) -> list[tuple[int, int]]:
-    """Report and head of every pair nearer than the matching radius, nearest first, each used once."""
-    return nearest_pairs(np.linalg.norm(reported[:, None] - truth[None], axis=-1), MATCH_RADIUS_M)
 
 
 class Tally:
@@ -50,7 +44,8 @@ class Tally:
         heads = np.flatnonzero(core.head_exists[0])
         truth = core.state.head_position[0, heads] + core.frame
         inside = np.abs(truth[:, 0] - centre) <= half
-        matched = pairs(blooms.position, truth)
+        apart = np.linalg.norm(blooms.position[:, None] - truth[None], axis=-1)
+        matched = nearest_pairs(apart, MATCH_RADIUS_M)
         self.stops += 1
         for head, present in zip(heads, inside, strict=True):
             self.present[int(core.head_occluded[0, head]), core.state.head_stage[0, head]] += present
@@ -87,11 +82,11 @@ class Tally:
         }
 
 
-def measure(scenario: str, stops: int, progress: Callable[[range], Iterable[int]] = iter) -> dict[str, Any]:
+def measure(scenario: str, stops: int) -> dict[str, Any]:
     """Look at ``stops`` stops of a scenario and fit the statistical camera to them."""
     env: Any = SafflowerPickingEnv(scenario, backend="analytic", perception="camera")
     core, tally, episodes = env.core, Tally(), -(-stops // SCENARIOS[scenario].stops)
-    for episode in progress(range(episodes)):
+    for episode in range(episodes):
         env.reset(seed=FIRST_SEED + episode)
         for stop in range(SCENARIOS[scenario].stops):
             core.state.pose[0, 0] = core.tables.look_pose[stop, 0]

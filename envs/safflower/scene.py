@@ -22,7 +22,7 @@ from ...simulation.picker_model import (
     picker_joints,
     picker_robot,
 )
-from ...simulation.stage import Engine, Scene, Stage
+from ...simulation.stage import Scene, Stage
 from ..core import Array
 
 GREEN, LEAF, STALK = (0.42, 0.56, 0.24, 1.0), (0.25, 0.44, 0.19, 1.0), (0.48, 0.58, 0.30, 1.0)
@@ -130,12 +130,12 @@ class PickerScene(Scene):
         self._standing = self._standing & (self._tufts.identity != head)
         self._show_field()
 
-    def look(self, engine: Engine = "own") -> Frame:
+    def look(self) -> Frame:
         """What the machine's camera sees, straight down on the window in front of the arm."""
         p = self.parameters
         eye = np.array([self._cart_x_m + p.camera_ahead_m, 0.0, p.motor_height_m + p.camera_above_motors_m])
         # The image's long side lies along the row.
-        return self.stage.look(self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), (0.0, 1.0, 0.0), engine=engine)
+        return self.stage.look(self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), (0.0, 1.0, 0.0))
 
     def sight_camera(self, rows: int) -> Camera:
         """The machine's camera with that many rows."""

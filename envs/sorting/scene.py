@@ -15,7 +15,7 @@ from ...rendering.library import MeshLibrary
 from ...rendering.shapes import Mesh, box, ellipsoid, merged, rotation_z, turned
 from ...simulation.prrs_looks import PrrsLooks
 from ...simulation.prrs_model import GANTRY_LEVEL_M
-from ...simulation.stage import Engine, Scene, Stage
+from ...simulation.stage import Scene, Stage
 from ..core import Array
 from .config import GRADES, BeltConfig, SortingConfig
 
@@ -107,10 +107,10 @@ class SorterScene(Scene):
         turns = axes(quaternion) * (0.5 * axes_m)[:, None, :]
         self.stage.put("items", instances(self._ball, position, turns, colour, key))
 
-    def look(self, engine: Engine = "own") -> Frame:
+    def look(self) -> Frame:
         """What the cell's camera sees, straight down on the belt upstream; the image's long side lies across it."""
         eye = np.array([self._config.belt.camera_x_m, 0.0, self._top + CAMERA_HEIGHT_M])
-        return self.stage.look(self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), (1.0, 0.0, 0.0), engine=engine)
+        return self.stage.look(self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), (1.0, 0.0, 0.0))
 
     def sight_camera(self, rows: int) -> Camera:
         """A camera of that many rows over what can be chosen from; its long side lies along the belt."""

@@ -15,7 +15,7 @@ from ...rendering.library import MeshLibrary
 from ...rendering.plants import whorl
 from ...rendering.shapes import Mesh, box, flat_shaded, merged, surface_of_revolution, tube, turned
 from ...simulation.looks import MachineLooks
-from ...simulation.stage import Engine, Scene, Stage
+from ...simulation.stage import Scene, Stage
 from ...simulation.transplanter_model import (
     looks_joints,
     transplanter_joints,
@@ -159,14 +159,14 @@ class TrayScene(Scene):
         """A row camera with that many rows."""
         return replace(self._eye, width=width or round(rows * self._eye.width / self._eye.height), height=rows)
 
-    def look(self, side: Side, row: int, engine: Engine = "own", camera: Camera | None = None) -> Frame:
+    def look(self, side: Side, row: int, camera: Camera | None = None) -> Frame:
         """What the side's camera, or another in its place, saw when ``row`` passed under it."""
         offsets = self._lines[side].offsets_m()
         stretch = -CAMERA_AHEAD_M - _IN_VIEW_M, -CAMERA_AHEAD_M + _IN_VIEW_M
         self.stage.put("row", self._laid(side, offsets[row] - CAMERA_AHEAD_M, *stretch))
         eye = np.array([-CAMERA_AHEAD_M, self._centre_m[side], TRAY_TOP_M + CAMERA_ABOVE_M])
         view = camera or self._eye, eye, eye - np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
-        frame = self.stage.look(*view, "room", "machine", "row", engine=engine)
+        frame = self.stage.look(*view, "room", "machine", "row")
         self.stage.put("row", joined([]))
         return frame
 

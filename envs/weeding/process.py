@@ -15,15 +15,6 @@ from ...kernels import by_kind
 from ..core import Array
 
 
-class Work(Protocol):
-    """Numbers of a process that every tool's work on plants has."""
-
-    @property
-    def reach_m(self) -> float:
-        """Beyond this distance the work does nothing."""
-        ...
-
-
 class WeedingProcess(Protocol):
     """What a tool does to plants. Doses add up; a plant dies when its sum reaches its tolerance."""
 
@@ -39,7 +30,7 @@ class WeedingProcess(Protocol):
 
     @property
     def work(self) -> Any:
-        """Numbers for ``dose``; see ``Work``."""
+        """Numbers for ``dose``; beyond their ``reach_m`` the work does nothing."""
         ...
 
     work_s: Array

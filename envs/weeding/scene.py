@@ -9,7 +9,7 @@ from ...perception.frames import Camera, Frame
 from ...rendering.instances import Instances, about_z, instances, joined
 from ...rendering.renderer import GroundLook
 from ...rendering.shapes import box, frustum, surface_of_revolution
-from ...simulation.stage import Engine, Scene, Stage
+from ...simulation.stage import Scene, Stage
 from ..core import Array
 from .config import FieldTask
 from .seedlings import crop_mesh, weed_mesh
@@ -106,11 +106,11 @@ class FieldScene(Scene):
             self._dead_weed, self._dead_crop, self._marks = weed.copy(), crop.copy(), list(marks)
             self._grow()
 
-    def look_front(self, cart_m: float, engine: Engine = "own") -> Frame:
+    def look_front(self, cart_m: float) -> Frame:
         """What the front camera sees, straight down; the top of the picture is ahead."""
         self.plant_around(cart_m)
         eye = np.array([cart_m + self.config.cart.camera_ahead_m, 0.0, self.eye_m])
-        return self.look_down(self.front, eye, eye - np.array([0.0, 0.0, 1.0]), engine)
+        return self.look_down(self.front, eye, eye - np.array([0.0, 0.0, 1.0]))
 
     def sight_camera(self, rows: int, behind_m: float) -> Camera:
         """A camera of that many rows over the stretch that can be chosen from; its long side lies along the row."""
@@ -155,10 +155,10 @@ class FieldScene(Scene):
         place = (cart_m + self.config.cart.camera_ahead_m, 0.0, self.eye_m)
         self.stage.put("sight", instances(self._front_frustum, place, None, FRONT_SIGHT), shadow=False)
 
-    def look_down(self, camera: Camera, eye: Array, target: Array, engine: Engine = "own") -> Frame:
+    def look_down(self, camera: Camera, eye: Array, target: Array) -> Frame:
         """What a camera over the ground sees from ``eye`` (3,) towards ``target`` (3,), its noise included."""
         view, ground = (camera, eye, target, (1.0, 0.0, 0.0)), self._ground(camera, eye)
-        return self.stage.look(*view, "plants", "soil", ground=ground, engine=engine)
+        return self.stage.look(*view, "plants", "soil", ground=ground)
 
     def plant_around(self, middle_m: float) -> None:
         """Show what stands around ``middle_m``, if it is not shown."""

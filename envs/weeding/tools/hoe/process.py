@@ -146,7 +146,7 @@ def circle_s(radius_m: float, velocity_m_s: float, acceleration_m_s2: float) -> 
 
 
 class Stir(NamedTuple):
-    """A stir in the shape that kernels take (see ``process.Work``).
+    """A stir in the shape that kernels take (see ``WeedingProcess.work``).
 
     Attributes:
         depth_m: by intensity.

@@ -77,7 +77,7 @@ class ProcessConfig(Config):
 
 
 class Burn(NamedTuple):
-    """A shot in the shape that kernels take (see ``Work``).
+    """A shot in the shape that kernels take (see ``WeedingProcess.work``).
 
     Attributes:
         energy_j: by dose level.

@@ -10,7 +10,6 @@ from .....perception.frames import Camera, Frame
 from .....rendering.instances import instances, joined, upright_to
 from .....rendering.shapes import ball, cylinder, frustum
 from .....simulation.looks import MachineLooks
-from .....simulation.stage import Engine
 from .....simulation.weeder_model import JOINTS, WeederParameters, weeder_joints, weeder_robot
 from ....core import Array
 from ...scene import FieldScene
@@ -61,7 +60,7 @@ class WeederScene(FieldScene):
             shown.append(instances(self._spot, (met[0], met[1], 0.006), along, GLOW))
         self.stage.put("beam", joined(shown), shadow=False)
 
-    def look_tool(self, centre: Array, spot: Array, engine: Engine = "own") -> Frame:
+    def look_tool(self, centre: Array, spot: Array) -> Frame:
         """What the camera beside the laser sees from the platform's ``centre`` (3,) towards a place (2,)."""
         self.plant_around(float(centre[0]))
-        return self.look_down(self.tool, centre, np.array([spot[0], spot[1], self._reach.target_height_m]), engine)
+        return self.look_down(self.tool, centre, np.array([spot[0], spot[1], self._reach.target_height_m]))
