@@ -15,9 +15,10 @@ DECISIONS = 25
 
 
 def told(value: Any, world: int | None = None) -> bytes:
-    """Everything that a step gives of one world."""
+    """Everything that a step gives of one world; a machine's fault, which no batch can have, apart."""
     if isinstance(value, Mapping):
-        return b"".join(name.encode() + told(part, world) for name, part in value.items() if name[0] != "_")
+        kept = {name: part for name, part in value.items() if name[0] != "_" and name != "fault"}
+        return b"".join(name.encode() + told(part, world) for name, part in kept.items())
     return np.asarray(value if world is None else value[world]).tobytes()
 
 

@@ -177,7 +177,7 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
             stop_end=reports,
             remaining=reports,
             stop=self.state.first.shape[1] - 1,
-        )
+        ) or outside(self, head_plant=self.plant_base.shape[1], plant_count=self.plant_base.shape[1] + 1)
 
     def describe(self, plan: PickerPlan, result: StepResult, row: int = 0) -> str:
         """One line about the last decision."""
