@@ -20,6 +20,7 @@ import numpy as np
 from fieldgym.envs.safflower import calibration as safflower
 from fieldgym.envs.sorting import calibration as sorting
 from fieldgym.envs.transplanting import calibration as transplanting
+from fieldgym.envs.transplanting.config import REPORTS
 from fieldgym.envs.weeding.tools.laser import calibration as weeding
 from fieldgym.kernels.files import replace_file
 from fieldgym.perception.trays import TraySettings
@@ -39,7 +40,7 @@ def of_safflower(stops: int = 220) -> dict[str, Any]:
 def of_transplanting(rows: int = 100) -> dict[str, Any]:
     """So many rows a pair of presets and side."""
     data: dict[str, Any] = {"cameras": "RGB-D, straight down, over each row as it comes in"}
-    data["reports"] = transplanting.REPORTS
+    data["reports"] = REPORTS
     for (side, cells), seen in sorted(transplanting.collect(rows, transplanting.MEASURE_SEED).items()):
         counts = transplanting.confusion(seen, TraySettings())
         rates = transplanting.shares(counts)

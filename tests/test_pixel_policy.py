@@ -88,7 +88,7 @@ def test_a_policy_without_pictures_draws_its_own(env_id):
     observations = [env.reset(seed=2)[0] for env in (seeing, plain)]
     for _ in range(15):
         actions = [policy.act(observation) for policy, observation in zip(policies, observations, strict=True)]
-        assert np.array_equal(*actions)
+        assert np.array_equal(actions[0], actions[1])
         observations = [env.step(actions[0])[0] for env in (seeing, plain)]
     single: Any = gym.make(env_id, backend="analytic", perception="model")
     observation, _ = single.reset(seed=2)
