@@ -33,7 +33,7 @@ def picture_scenes() -> Iterator[Timed]:
     front, tool = (lambda: scene.look_front(1.0)), (lambda: scene.look_tool(*place))
     front()
     grown = "plants", "soil"
-    eye = [1.0 + env.core.config.cart.camera_ahead_m, 0.0, scene._eye_m]
+    eye = [1.0 + env.core.config.cart.camera_ahead_m, 0.0, scene.eye_m]
     yield from _beside("weeders' front camera, load-1.25", 0.8, scene, front, _down(scene.front, eye, "x"), *grown)
     slant = scene.tool, place[0], np.array([*place[1], 0.02]), (1.0, 0.0, 0.0)
     yield from _beside("laser's tool camera", 0.25, scene, tool, slant, *grown)
