@@ -227,6 +227,21 @@ def score_worlds(totals: Array, stop: NDArray[np.int64], rows: NDArray[np.int64]
 
 
 @compiled
+def show_worlds(
+    desk: Any,
+    rows: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+    numbers: Array,
+) -> None:
+    """What ``rows`` show; see ``KernelCore``."""
+    (tables,), worlds = desk.rules, desk.worlds
+    observe_worlds(tables, worlds, rows, machine, candidates, mask)
+    score_worlds(worlds.totals, worlds.stop, rows, numbers)
+
+
+@compiled
 def decide_worlds(
     desk: Any,
     rows: NDArray[np.int64],
@@ -243,20 +258,4 @@ def decide_worlds(
     plan = plan_worlds(tables, worlds, actions)
     desk.plan = plan
     book(apply_worlds(tables, worlds, plan, plan.phases_s, plan.target), numbers, terminated, truncated)
-    observe_worlds(tables, worlds, rows, machine, candidates, mask)
-    score_worlds(worlds.totals, worlds.stop, rows, numbers)
-
-
-@compiled
-def show_worlds(
-    desk: Any,
-    rows: NDArray[np.int64],
-    machine: NDArray[np.float32],
-    candidates: NDArray[np.float32],
-    mask: NDArray[np.int8],
-    numbers: Array,
-) -> None:
-    """What ``rows`` show; see ``KernelCore``."""
-    (tables,), worlds = desk.rules, desk.worlds
-    observe_worlds(tables, worlds, rows, machine, candidates, mask)
-    score_worlds(worlds.totals, worlds.stop, rows, numbers)
+    show_worlds(desk, rows, machine, candidates, mask, numbers)

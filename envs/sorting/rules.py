@@ -267,6 +267,21 @@ def score_worlds(totals: Array, rows: NDArray[np.int64], numbers: Array) -> None
 
 
 @compiled
+def show_worlds(
+    desk: Any,
+    rows: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+    numbers: Array,
+) -> None:
+    """What ``rows`` show; see ``KernelCore``."""
+    (tables,), worlds = desk.rules, desk.worlds
+    observe_worlds(tables, worlds, rows, machine, candidates, mask)
+    score_worlds(worlds.totals, rows, numbers)
+
+
+@compiled
 def decide_worlds(
     desk: Any,
     rows: NDArray[np.int64],
@@ -285,20 +300,4 @@ def decide_worlds(
     grip = foresee_worlds(worlds, plan.report)
     phases_s = end_phases(plan, grip.held, tables.paces.stop_s)
     book(apply_worlds(tables, worlds, plan, grip, phases_s), numbers, terminated, truncated)
-    observe_worlds(tables, worlds, rows, machine, candidates, mask)
-    score_worlds(worlds.totals, rows, numbers)
-
-
-@compiled
-def show_worlds(
-    desk: Any,
-    rows: NDArray[np.int64],
-    machine: NDArray[np.float32],
-    candidates: NDArray[np.float32],
-    mask: NDArray[np.int8],
-    numbers: Array,
-) -> None:
-    """What ``rows`` show; see ``KernelCore``."""
-    (tables,), worlds = desk.rules, desk.worlds
-    observe_worlds(tables, worlds, rows, machine, candidates, mask)
-    score_worlds(worlds.totals, rows, numbers)
+    show_worlds(desk, rows, machine, candidates, mask, numbers)

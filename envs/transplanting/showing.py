@@ -105,6 +105,21 @@ def score_worlds(all_totals: Array, rows: NDArray[np.int64], numbers: Array) -> 
 
 
 @compiled
+def show_worlds(
+    desk: Any,
+    rows: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+    numbers: Array,
+) -> None:
+    """What ``rows`` show; see ``KernelCore``."""
+    (times, terms, fixed), worlds = desk.rules, desk.worlds
+    observe_worlds(times, fixed, terms.time_limit_s, worlds, rows, machine, candidates, mask)
+    score_worlds(worlds.totals, rows, numbers)
+
+
+@compiled
 def decide_worlds(
     desk: Any,
     rows: NDArray[np.int64],
@@ -122,20 +137,4 @@ def decide_worlds(
     desk.plan = plan
     result = apply_worlds(terms, worlds, plan, plan.phases_s, np.zeros((len(actions), len(E))))
     book(result, numbers, terminated, truncated)
-    observe_worlds(times, fixed, terms.time_limit_s, worlds, rows, machine, candidates, mask)
-    score_worlds(worlds.totals, rows, numbers)
-
-
-@compiled
-def show_worlds(
-    desk: Any,
-    rows: NDArray[np.int64],
-    machine: NDArray[np.float32],
-    candidates: NDArray[np.float32],
-    mask: NDArray[np.int8],
-    numbers: Array,
-) -> None:
-    """What ``rows`` show; see ``KernelCore``."""
-    (times, terms, fixed), worlds = desk.rules, desk.worlds
-    observe_worlds(times, fixed, terms.time_limit_s, worlds, rows, machine, candidates, mask)
-    score_worlds(worlds.totals, rows, numbers)
+    show_worlds(desk, rows, machine, candidates, mask, numbers)

@@ -100,6 +100,21 @@ def score_worlds(tables: Tables, worlds: Worlds, rows: NDArray[np.int64], number
 
 
 @compiled
+def show_worlds(
+    desk: Any,
+    rows: NDArray[np.int64],
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+    numbers: Array,
+) -> None:
+    """What ``rows`` show; see ``KernelCore``."""
+    (tables, arm, _), worlds = desk.rules, desk.worlds
+    observe_worlds(tables, arm, worlds, rows, machine, candidates, mask)
+    score_worlds(tables, worlds, rows, numbers)
+
+
+@compiled
 def decide_worlds(
     desk: Any,
     rows: NDArray[np.int64],
@@ -116,20 +131,4 @@ def decide_worlds(
     plan = plan_worlds(tables, arm, worlds, actions)
     desk.plan = plan
     book(apply_worlds(tables, work, worlds, plan, plan.phases_s, plan.aim), numbers, terminated, truncated)
-    observe_worlds(tables, arm, worlds, rows, machine, candidates, mask)
-    score_worlds(tables, worlds, rows, numbers)
-
-
-@compiled
-def show_worlds(
-    desk: Any,
-    rows: NDArray[np.int64],
-    machine: NDArray[np.float32],
-    candidates: NDArray[np.float32],
-    mask: NDArray[np.int8],
-    numbers: Array,
-) -> None:
-    """What ``rows`` show; see ``KernelCore``."""
-    (tables, arm, _), worlds = desk.rules, desk.worlds
-    observe_worlds(tables, arm, worlds, rows, machine, candidates, mask)
-    score_worlds(tables, worlds, rows, numbers)
+    show_worlds(desk, rows, machine, candidates, mask, numbers)
