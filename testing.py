@@ -12,6 +12,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from math import isclose, isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -83,10 +84,9 @@ def check_task(
         ("fields", lambda: _fields(spec)),
         ("policies and bound", lambda: _policies(spec)),
     ]
-    checks += [
-        (f"batch = singles, {mode}", lambda mode=mode: check_batch(spec.id, spec.headline, mode, worlds, decisions))
-        for mode in MODES
-    ]
+    for mode, threads in MODES.items():
+        both = partial(check_batch, spec.id, spec.headline, mode, worlds, decisions, threads=min(threads, worlds))
+        checks.append((f"batch = singles, {mode}", both))
     for name, check in checks:
         on_check(name)
         try:
@@ -340,7 +340,9 @@ def check_policies(env_id: str, scenario: str, seeds: Sequence[int] = range(2)) 
     return reached
 
 
-def check_batch(env_id: str, scenario: str, mode: str, worlds: int = 8, decisions: int = 300, **kwargs: Any) -> None:
+def check_batch(
+    env_id: str, scenario: str, mode: str, worlds: int = 8, decisions: int = 300, *, threads: int = 1, **kwargs: Any
+) -> None:
     """On equal seeds and actions a batch gives what single environments give, through the ends of episodes.
 
     Args:
@@ -349,22 +351,15 @@ def check_batch(env_id: str, scenario: str, mode: str, worlds: int = 8, decision
         mode: of the automatic resets: ``"NextStep"`` or ``"SameStep"``.
         worlds: of the batch.
         decisions: steps.
+        threads: of the batch.
         **kwargs: of the environments, both kinds (``perception``, ...).
 
     Raises:
         ContractError: something differs.
     """
-    drawn = kwargs.get("perception") == "camera" or kwargs.get("observation", "features") != "features"
-    batch = gym.make_vec(
-        env_id,
-        num_envs=worlds,
-        vectorization_mode="vector_entry_point",
-        scenario=scenario,
-        autoreset_mode=mode,
-        threads=1 if drawn else min(MODES[mode], worlds),
-        **kwargs,
-    )
-    singles = [_single(task(env_id), scenario=scenario, **kwargs) for _ in range(worlds)]
+    kwargs["scenario"] = scenario
+    batch = gym.make_vec(env_id, worlds, "vector_entry_point", autoreset_mode=mode, threads=threads, **kwargs)
+    singles = [_single(task(env_id), **kwargs) for _ in range(worlds)]
     together, info = batch.reset(seed=100)
     apart = [env.reset(seed=100 + i) for i, env in enumerate(singles)]
     over = np.zeros(worlds, bool)

@@ -14,7 +14,7 @@ from fieldgym import TaskSpec, env_ids, register_policy, register_task, task
 from fieldgym.agents import policy_names
 from fieldgym.envs import register
 from fieldgym.envs.vector import TaskVectorEnv
-from fieldgym.testing import ContractError, check_batch, check_policies, check_task
+from fieldgym.testing import MODES, ContractError, check_batch, check_policies, check_task
 
 pytestmark = pytest.mark.portable
 
@@ -34,7 +34,7 @@ BATCHES += [(env_id, task(env_id).scenarios[-1], mode, 8, 400) for env_id in OWN
 @pytest.mark.slow
 @pytest.mark.parametrize(("env_id", "scenario", "mode", "worlds", "decisions"), BATCHES)
 def test_larger_batches_equal_single_worlds(env_id, scenario, mode, worlds, decisions):
-    check_batch(env_id, scenario, mode, worlds, decisions)
+    check_batch(env_id, scenario, mode, worlds, decisions, threads=MODES[mode])
 
 
 @pytest.mark.parametrize("env_id", OWN)

@@ -132,7 +132,7 @@ def decide_worlds(
     truncated: NDArray[np.bool_],
 ) -> None:
     """A decision in all worlds that goes as planned; see ``KernelCore``."""
-    (times, terms, fixed), worlds = desk.rules, desk.worlds
+    (times, terms, _), worlds = desk.rules, desk.worlds
     plan = plan_worlds(times, terms.extraction, worlds, actions)
     desk.plan = plan
     result = apply_worlds(terms, worlds, plan, plan.phases_s, np.zeros((len(actions), len(E))))
