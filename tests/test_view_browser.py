@@ -66,8 +66,14 @@ def turn_to(page: Any, tab: str) -> None:
 
 
 def pick(page: Any, label: str, option: str) -> None:
-    page.get_by_label(label, exact=True).first.click(force=True)
-    page.get_by_role("option", name=option, exact=True).dispatch_event("click")
+    """Open a list and take an option; a page that draws the list anew meanwhile closes it, so it is opened again."""
+    wanted = page.get_by_role("option", name=option, exact=True)
+    end = time.monotonic() + PATIENCE_S
+    while not wanted.count():
+        assert time.monotonic() < end, f"{label} does not offer {option}"
+        page.get_by_label(label, exact=True).first.click(force=True)
+        page.wait_for_timeout(500.0)
+    wanted.dispatch_event("click")
 
 
 def until(what: Callable[[], bool]) -> None:
