@@ -17,7 +17,7 @@ from ..core import Array
 from ..dice import Block, poisson_table
 from .batch import Plants, Tracks, nearest_along, nearest_crop, nearest_weed
 from .config import CartConfig, ScenarioConfig
-from .perception import PerceptionModel, Q, SightingTable
+from .perception import PerceptionModel, Q, SightingTable, within_gate
 from .state import FAR_M
 from .timing import G
 
@@ -151,17 +151,18 @@ def draw_tracks(
     used = max(int(np.count_nonzero(plants.exists, axis=1).max()), 1)
     weed, species, stage = plants.weed[:, :used], plants.species[:, :used], plants.stage[:, :used]
     crop_gap, weed_gap = nearest_crop(plants.crop, weed), nearest_weed(weed)
-    seen = chances[:, :used] < track_chance(perception, species, stage, crop_gap, weed_gap)
+    noticed = chances[:, :used] < track_chance(perception, species, stage, crop_gap, weed_gap)
     kind = 6 * neighbourhood(perception, crop_gap, weed_gap) + 3 * species + stage
     sighting = _draw_sightings(perception.sighting_table, kind, lots[:, :used])
 
     place = np.concatenate([weed, false_place], axis=1)
     sighting = np.concatenate([sighting, false_sighting], axis=1)
-    there = np.concatenate([seen & plants.exists[:, :used], false_there], axis=1)
+    there = np.concatenate([noticed & plants.exists[:, :used], false_there], axis=1)
     # From the front camera's view to the tool the odometry carries a track along the strip.
     report = place + sighting[..., [Q.along, Q.across]]
     report[..., G.along] += cart.unseen_m * perception.drift_share * normal
-    aim = np.where(sighting[..., Q.found, None] > 0.0, place + sighting[..., [Q.aim_along, Q.aim_across]], report)
+    seen = place + sighting[..., [Q.aim_along, Q.aim_across]]
+    aim = np.where((sighting[..., Q.found] > 0.0)[..., None] & within_gate(seen, report), seen, report)
     there &= np.abs(report[..., G.across]) <= 0.5 * scenario.band_m
     gap = np.concatenate([crop_gap, nearest_crop(plants.crop, report[:, used:])], axis=1)
 

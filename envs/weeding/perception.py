@@ -16,6 +16,9 @@ from ..columns import Says, numbered
 from ..core import Array
 from .config import SPECIES, STAGES
 
+TOOL_GATE_M = 0.022
+"""The tool camera corrects to a plant within this distance of where it was told to look."""
+
 Sightings = tuple[tuple[tuple[float, ...], ...], ...]
 """Classes of sightings, each sighting a row of seven numbers, see ``Sighting``."""
 
@@ -149,6 +152,12 @@ def uncorrected(model: PerceptionModel) -> PerceptionModel:
         return tuple(tuple((*row[: Q.found], 0.0, *row[Q.found + 1 :]) for row in rows) for rows in classes)
 
     return replace(model, sightings=blind(model.sightings), false_sightings=blind(model.false_sightings))
+
+
+def within_gate(seen_m: Array, told_m: Array) -> NDArray[np.bool_]:
+    """Whether plants (..., 2) are near enough to where the tool camera was told to look (..., 2) for it, (..., 1)."""
+    offset = seen_m - told_m
+    return (offset * offset).sum(axis=-1, keepdims=True) <= TOOL_GATE_M * TOOL_GATE_M
 
 
 def _table(classes: Sightings) -> SightingTable:

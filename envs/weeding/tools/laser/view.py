@@ -9,6 +9,7 @@ import numpy as np
 from .....perception.weeds import WeedSettings, detect
 from ....core import Array
 from ...core import WeedingCore
+from ...perception import TOOL_GATE_M
 from ...state import WAIT, WeederPlan
 from ...timing import WORK
 from ...view import FieldView, Show
@@ -20,8 +21,6 @@ from .scene import WeederScene
 
 TOOL_SETTINGS = WeedSettings(close_m=0.0012, whole=False)
 """Of the detector behind the tool camera, whose view is not much larger than the largest weed."""
-TOOL_GATE_M = 0.022
-"""The tool camera corrects to a plant within this distance of where it was told to look."""
 
 
 class WeederView(FieldView[WeederScene]):
