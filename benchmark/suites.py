@@ -13,7 +13,7 @@ from ..agents.sources import REGISTERED, PolicySource, policy_names, policy_sour
 from ..envs.task import TaskSpec, task, tasks
 from .fields import FieldFile
 
-SUITES = ("quick", "full", "tiers", "camera")
+SUITES = ("quick", "full", "tiers")
 
 BOUND = "bound"
 """Stands where a policy stands: what no policy can beat on that instance, see ``limits``."""
@@ -23,7 +23,6 @@ QUICK_TOUR_EPISODES = 2
 """The first environment is compared, the others are shown: together they take two minutes on two cores."""
 FULL_EPISODES = 200
 FULL_PYBULLET_EPISODES = 24
-CAMERA_EPISODES = 200
 FULL_FIRST_SEED = 100_000
 """The large suites use the seeds from here on, which nothing else does: rules were tried on seeds from 0 on, cameras
 and parameters were fitted from 900,000 on, learned policies chose their weights from 1,000,000 on and learned from
@@ -190,6 +189,7 @@ class Suite:
         policies: Sequence[str] | None = None,
         episodes: int | None = None,
         backend: str | None = None,
+        perception: str | None = None,
     ) -> Suite:
         """The same suite with fewer environments or other policies, another number of seeds, another backend.
 
@@ -198,9 +198,10 @@ class Suite:
             policies: run these instead of all.
             episodes: number of seeds instead of the suite's own, from its first one on.
             backend: keep the cases of this backend; where an environment has none, run its cases on it.
+            perception: keep the cases of this perception.
 
         Raises:
-            ValueError: the suite has no such environment, or ``episodes`` < 1.
+            ValueError: the suite has no such environment or perception, or ``episodes`` < 1.
         """
         cases = [case for case in self.cases if env_id is None or case.condition.env_id == env_id]
         if not cases:
@@ -219,6 +220,13 @@ class Suite:
                 for case in cases
                 if case.condition.backend == backend or case.condition.env_id not in there
             ]
+        if perception is not None:
+            seen = sorted({case.condition.perception for case in cases})
+            cases = [case for case in cases if case.condition.perception == perception]
+            if not cases:
+                raise ValueError(
+                    f"no case of the suite {self.name} has {perception} perception: {', '.join(seen)} have"
+                )
         return replace(self, cases=tuple(cases))
 
     def under(self, scenario: str | None = None, numbers: Mapping[str, Any] | None = None) -> Suite:
@@ -293,9 +301,9 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
     ``quick``: each environment's headline scenario in PyBullet, the first one (the picking paper's protocol) with its
     camera, the others on fewer seeds with the model of theirs, without bounds. ``full``: every headline scenario on
     many seeds with the analytic backend, and on the first of them in PyBullet, both with the camera's model, so that
-    the two differ in what carries plans out alone. ``tiers``: every scenario on many seeds with the analytic backend.
-    ``camera``: the reference on every headline scenario with the analytic backend, seeing with rendered cameras and, on
-    the same seeds, with the model of them.
+    the two differ in what carries plans out alone; and the reference on all of these seeds with the analytic backend
+    and its rendered cameras, which differ from the first in what sees alone. ``tiers``: every scenario on many seeds
+    with the analytic backend.
     A task without a simulated machine, or without a camera, is run with what it has.
 
     Args:
@@ -311,31 +319,28 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
     for env_id in [spec.id for spec in usable_tasks()] if ids is None else ids:
         spec = task(env_id)
         headline = (spec.headline,)
+        everybody, reference = policy_names(env_id), (spec.reference,)
         if name == "quick":
             first = spec == tasks()[0]
             sees = spec.assembly.default_perception("pybullet") if first else "model"
-            parts = [(headline, "pybullet", sees, 0, QUICK_EPISODES if first else QUICK_TOUR_EPISODES)]
+            parts = [(headline, "pybullet", sees, 0, QUICK_EPISODES if first else QUICK_TOUR_EPISODES, everybody)]
         elif name == "full":
             parts = [
-                (headline, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES),
-                (headline, "pybullet", "model", FULL_FIRST_SEED, FULL_PYBULLET_EPISODES),
+                (headline, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES, everybody),
+                (headline, "pybullet", "model", FULL_FIRST_SEED, FULL_PYBULLET_EPISODES, everybody),
             ]
-        elif name == "camera":
-            parts = [
-                (headline, "analytic", sees, FULL_FIRST_SEED, CAMERA_EPISODES)
-                for sees in ("camera", "model")
-                if sees in spec.perceptions
-            ]
+            if "camera" in spec.perceptions:
+                parts.append((headline, "analytic", "camera", FULL_FIRST_SEED, FULL_EPISODES, reference))
         else:
-            parts = [(spec.scenarios, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES)]
-        for scenarios, backend, perception, first_seed, episodes in parts:
+            parts = [(spec.scenarios, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES, everybody)]
+        for scenarios, backend, perception, first_seed, episodes, policies in parts:
             for scenario in scenarios:
                 case = Case(
                     Condition(env_id, scenario, *_part(spec, backend, perception)),
-                    (spec.reference,) if name == "camera" else policy_names(env_id),
+                    policies,
                     spec.reference,
                     tuple(range(first_seed, first_seed + episodes)),
-                    name not in ("quick", "camera") and spec.bound is not None,
+                    name != "quick" and perception == "model" and spec.bound is not None,
                 )
                 cases.setdefault(case.condition, case)
     return Suite(name, tuple(cases.values()))

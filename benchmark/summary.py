@@ -13,6 +13,7 @@ import numpy as np
 from ..agents.policies.weights import LEARNED
 from ..agents.sources import BY_ENDING
 from .limits import Limit, limits
+from .rates import derived
 from .record import Record, condition, field_of
 from .statistics import Difference, Estimate, interquartile_mean, mean, paired_difference
 from .suites import BOUND, Case, Condition
@@ -38,8 +39,8 @@ class Row:
         policy: its name; ``BOUND`` for the mean of what none can beat.
         reference: the policy of the differences.
         episodes: how many finished.
-        scores: mean of every scorecard entry, of ``return``, ``decision_ms`` (mean of an episode's decisions) and
-            ``decision_p95_ms``, with intervals.
+        scores: mean of every scorecard entry, of what is derived from it (see ``rates``), of ``return``,
+            ``decision_ms`` (mean of an episode's decisions) and ``decision_p95_ms``, with intervals.
         iqm: interquartile mean of ``MAIN``.
         differences: of ``MAIN`` to the reference on the same seeds; empty for the reference and without it.
         gaps: to the bound on the same seeds, none of them below 0: bound minus policy for ``net_rate`` and ``return``,
@@ -118,7 +119,7 @@ def _values(record: Record) -> Values:
     values["decision_ms"] = 1000.0 * record["decision_s"] / max(record["steps"], 1)
     values["decision_p95_ms"] = float(record.get("decision_p95_ms", np.nan))
     values["wall_s"] = float(record["wall_s"])
-    return values
+    return {**values, **derived(record)}
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..kernels.files import replace_file
+from . import rates
 from .statistics import FEWEST_PAIRS, Difference, Estimate
 from .suites import BOUND, Condition
 from .summary import Row, summarise
@@ -91,6 +92,23 @@ _SCORES = (
     ("return", "return", 1.0, 3),
 )
 
+
+def field_columns(rows: Sequence[Row]) -> tuple[Column, ...]:
+    """What a grower reads of rows under one condition, in the units of its task; none where nothing can be told."""
+    where = rows[0].condition
+    unit, kills = rates.unit_of(where), rates.rates_of(where).loss_percent != ""
+    columns = (
+        Column("net rate, %", "net_rate", 100.0, 2),
+        Column(f"{unit} an hour", rates.WORK, 1.0, 4 if unit == rates.HECTARES else 1),
+        Column("killed a second" if kills else "done a second", rates.EACH_S, 1.0, 3),
+        Column("J a kill" if kills else "J each", rates.EACH_J, 1.0, 1),
+        Column("kWh a hectare", rates.AREA_KWH, 1.0, 2),
+        Column("crop loss, %", rates.LOSS, 1.0, 3),
+    )
+    told = tuple(column for column in columns if any(column.cell(row)[0] != "-" for row in rows))
+    return told if any(column.name == rates.WORK for column in told) else ()
+
+
 MARKDOWN: tuple[tuple[str, tuple[Column, ...]], ...] = (
     (
         "Mean",
@@ -120,6 +138,8 @@ CSV_COLUMNS = (
 LEGEND = (
     "Means over episodes with 95 % bootstrap intervals. Differences are to the policy in bold, paired by seed; "
     f"n.s.: the interval holds 0; few: under {FEWEST_PAIRS} pairs, too few to tell. "
+    "Energy is the tool's and the positive mechanical work of the motors that move it, estimated; no losses, no "
+    "driving. "
     f"The row {BOUND}: what no policy can beat, its figures need not be reachable together."
 )
 
@@ -140,26 +160,35 @@ def conditions(rows: Iterable[Row]) -> dict[Condition, list[Row]]:
 
 
 def terminal_tables(rows: Iterable[Row], width: int) -> list[Table]:
-    """A Rich table a condition, for ``width`` characters; each interval stands under its value."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
+    """Two Rich tables a condition, for ``width`` characters: scores, and what they come to in a grower's units."""
     rows = list(rows)
     bounded = any(row.gaps for row in rows)
     columns = [column for column in COLUMNS if width >= column.width and (bounded or column.kind != "gap")]
     tables = []
     for group, members in conditions(rows).items():
-        table = Table(title=_title(group, members), title_justify="left", box=box.SIMPLE_HEAD)
-        table.add_column("policy", no_wrap=True)
-        for column in columns:
-            table.add_column(column.title, justify="right")
-        for row in members:
-            cells = [column.cell(row) for column in columns]
-            texts = [Text.assemble(value, ("\n" + interval if interval else "", "dim")) for value, interval in cells]
-            table.add_row(Text(row.policy, "bold" if row.policy == row.reference else ""), *texts)
-        tables.append(table)
+        tables.append(_terminal_table(_title(group, members), columns, members))
+        policies = [row for row in members if row.policy != BOUND]
+        told = field_columns(policies) if policies else ()
+        if told:
+            tables.append(_terminal_table("In the field", told, policies))
     return tables
+
+
+def _terminal_table(title: str, columns: Sequence[Column], rows: Sequence[Row]) -> Table:
+    """A Rich table; each interval stands under its value."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("policy", no_wrap=True)
+    for column in columns:
+        table.add_column(column.title, justify="right")
+    for row in rows:
+        cells = [column.cell(row) for column in columns]
+        texts = [Text.assemble(value, ("\n" + interval if interval else "", "dim")) for value, interval in cells]
+        table.add_row(Text(row.policy, "bold" if row.policy == row.reference else ""), *texts)
+    return table
 
 
 def _title(group: Condition, rows: Sequence[Row]) -> str:
@@ -178,7 +207,7 @@ def markdown(rows: Iterable[Row]) -> str:
     parts = []
     for group, members in conditions(rows).items():
         lines = [f"## {escaped(_title(group, members))}", ""]
-        for title, columns in MARKDOWN:
+        for title, columns in (*MARKDOWN, ("In the field", field_columns(members))):
             shown = [row for row in members if any(column.cell(row)[0] != "-" for column in columns)]
             if shown:
                 lines += [*_grid(title, columns, shown), ""]

@@ -37,6 +37,8 @@ class Assembly(Generic[ConfigT]):
         belief: what the machine believes of one world's field beside what is true, a ``Belief``, for people to see.
         within_motors: lowers a configuration's limits of speed and acceleration to what its machine's motors can give,
             or refuses motors that cannot hold it; None where no motor is modelled. See ``motors``.
+        rates: how scorecards of a configuration are read in a grower's units, a ``rates.Rates``; None where finished
+            targets an hour say it all.
         settings: keyword arguments of ``gym.make`` that are short for a part of the configuration, by name: a dotted
             name of the configuration, or a function of the configuration and the value.
         fixed: what an environment's configuration always has, by dotted name.
@@ -51,6 +53,7 @@ class Assembly(Generic[ConfigT]):
     view: Callable[[Any], View[Any]] | None = None
     belief: Callable[[Any], Any] | None = None
     within_motors: Callable[[ConfigT], ConfigT] | None = None
+    rates: Callable[[ConfigT], Any] | None = None
     settings: Mapping[str, str | Callable[[ConfigT, Any], ConfigT]] = field(default_factory=dict)
     fixed: Mapping[str, Any] = field(default_factory=dict)
 

@@ -26,8 +26,8 @@ def main(
     suite: Annotated[
         str,
         typer.Option(
-            help="quick: a few seeds in PyBullet, minutes. full: the headline scenarios on both backends, under an "
-            "hour. tiers: every scenario, analytic, hours."
+            help="quick: a few seeds in PyBullet, minutes. full: the headline scenarios on both backends and through "
+            "the rendered cameras, under an hour. tiers: every scenario, analytic, hours."
         ),
     ] = "quick",
     env: Annotated[str | None, typer.Option(metavar="ID", help="Only this environment; see fieldgym list.")] = None,
@@ -43,6 +43,7 @@ def main(
     sets: common.Sets = None,
     fields: common.Fields = None,
     backend: Annotated[str | None, typer.Option(help="Only this backend: pybullet or analytic.")] = None,
+    perception: Annotated[str | None, typer.Option(help="Only this perception: perfect, model or camera.")] = None,
     jobs: Annotated[int | None, typer.Option(help="Worker processes; by default one a core.")] = None,
     out: Annotated[Path, typer.Option(help="Results go to a folder of the suite's name in here.")] = Path("results"),
     resume: Annotated[bool, typer.Option("--resume", help="Keep what is finished and run what is missing.")] = False,
@@ -72,7 +73,7 @@ def main(
     """
     from fieldgym.benchmark import cluster, progress, record, runner, store, suites, tables, thinking
 
-    wanted = _suite(suite, env, policies, episodes, backend, trust)
+    wanted = _suite(suite, env, policies, episodes, backend, perception, trust)
     if env is not None:
         wanted = _special(wanted, scenario, sets or (), fields, episodes)
     elif scenario or sets or fields:
@@ -111,7 +112,7 @@ def main(
         ) from None
     except runner.InterruptedRunError as error:
         given = {"--env": env, "--policies": policies, "--episodes": episodes, "--backend": backend, "--jobs": jobs}
-        given |= {"--scenario": scenario, "--fields": fields}
+        given |= {"--scenario": scenario, "--fields": fields, "--perception": perception}
         words = ["fieldgym", "benchmark", "--suite", suite, "--out", str(out), "--resume"]
         words += [word for option, value in given.items() if value is not None for word in (option, str(value))]
         words += [word for each in sets or () for word in ("--set", each)] + ["--trust"] * trust
@@ -123,12 +124,18 @@ def main(
 
 
 def _suite(
-    name: str, env: str | None, policies: str | None, episodes: int | None, backend: str | None, trust: bool
+    name: str,
+    env: str | None,
+    policies: str | None,
+    episodes: int | None,
+    backend: str | None,
+    perception: str | None,
+    trust: bool,
 ) -> Suite:
     """The suite that the options describe, every word of them checked before anything runs."""
     from fieldgym.benchmark import suites
     from fieldgym.envs import task
-    from fieldgym.envs.assembly import BACKENDS
+    from fieldgym.envs.assembly import BACKENDS, PERCEPTIONS
 
     common.chosen(name, suites.SUITES, "suite")
     env_id = None if env is None else common.environment_id(env)
@@ -137,6 +144,8 @@ def _suite(
         common.at_least_one(episodes, "--episodes")
     if backend is not None:
         common.chosen(backend, BACKENDS if env_id is None else task(env_id).backends, "backend")
+    if perception is not None:
+        common.chosen(perception, PERCEPTIONS if env_id is None else task(env_id).perceptions, "perception")
     names = None
     if policies is not None:
         names = list(dict.fromkeys(word.strip() for word in policies.split(",") if word.strip()))
@@ -145,7 +154,7 @@ def _suite(
                 "--policies names none: give names with commas between them, as in fixed-order,nearest"
             )
     with common.told_in_one_line():
-        return wanted.narrowed(env_id, names, episodes, backend).traced(trust)
+        return wanted.narrowed(env_id, names, episodes, backend, perception).traced(trust)
 
 
 def _special(

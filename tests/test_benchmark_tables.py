@@ -240,7 +240,11 @@ def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or
     cases = suites.suite("full").cases
     seeds = set(range(suites.FULL_FIRST_SEED, suites.FULL_FIRST_SEED + suites.FULL_EPISODES))
     for env_id in env_ids():
-        by_backend = {case.condition.backend: case for case in cases if case.condition.env_id == env_id}
+        by_backend = {
+            case.condition.backend: case
+            for case in cases
+            if case.condition.env_id == env_id and case.condition.perception != "camera"
+        }
         assert {case.condition.scenario for case in by_backend.values()} == {task(env_id).headline}
         assert {case.condition.perception for case in by_backend.values()} == {"model"}
         assert set(by_backend["analytic"].seeds) == seeds and len(seeds) >= 200
@@ -255,17 +259,29 @@ def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or
     assert max(seeds) < HELD_OUT_SEEDS < TRAINING_SEEDS
 
 
-def test_the_camera_suite_pairs_cameras_with_their_model():
+def test_the_full_suite_pairs_cameras_with_their_model():
     from fieldgym.envs.task import tasks
 
-    cases = suites.suite("camera").cases
+    cases = suites.suite("full").cases
     for spec in tasks():
-        own = [case for case in cases if case.condition.env_id == spec.id]
-        assert {case.condition.perception for case in own} == {"camera", "model"} & set(spec.perceptions)
-        for case in own:
-            assert (case.condition.backend, case.condition.scenario) == ("analytic", spec.headline)
-            assert case.policies == (spec.reference,) and not case.bounded
-            assert case.seeds == tuple(range(suites.FULL_FIRST_SEED, suites.FULL_FIRST_SEED + 200))
+        own = {
+            case.condition.perception: case
+            for case in cases
+            if case.condition.env_id == spec.id and case.condition.backend == "analytic"
+        }
+        assert own.keys() == {"camera", "model"} & set(spec.perceptions)
+        if "camera" in own:
+            seen, modelled = own["camera"], own["model"]
+            assert seen.condition.scenario == modelled.condition.scenario == spec.headline
+            assert seen.policies == (spec.reference,) and not seen.bounded
+            assert seen.seeds == modelled.seeds and len(seen.seeds) == 200
+
+
+def test_a_suite_is_narrowed_to_a_perception():
+    narrowed = suites.suite("full").narrowed(perception="camera")
+    assert {case.condition.perception for case in narrowed.cases} == {"camera"} and narrowed.cases
+    with pytest.raises(ValueError, match="no case of the suite full has perfect perception: camera, model have"):
+        suites.suite("full").narrowed(perception="perfect")
 
 
 def test_suites_cover_every_environment_with_its_reference():
@@ -278,9 +294,10 @@ def test_suites_cover_every_environment_with_its_reference():
         assert {case.condition.env_id for case in cases} == set(env_ids())
         for case in cases:
             assert case.reference in case.policies
-            assert case.policies == ((case.reference,) if name == "camera" else policy_names(case.condition.env_id))
+            seen = case.condition.perception == "camera" and name == "full"
+            assert case.policies == ((case.reference,) if seen else policy_names(case.condition.env_id))
             assert case.condition.scenario in task(case.condition.env_id).scenarios
-            assert case.bounded == (name not in ("quick", "camera") and case.condition.env_id in bounded_ids())
+            assert case.bounded == (name != "quick" and not seen and case.condition.env_id in bounded_ids())
             asked = [episode.policy for episode in case.episodes() if episode.seed == case.seeds[0]]
             assert asked == [*case.policies, *([BOUND] if case.bounded else [])]
             assert [e.seed for e in case.episodes() if e.timeline] == [case.seeds[0]] * len(case.policies)

@@ -27,11 +27,13 @@ from fieldgym.scripts import cli
 
 POTS = Condition("fieldgym/SafflowerPicking-v0", "pots", "analytic", "model")
 PHYSICS = Condition("fieldgym/SafflowerPicking-v0", "pots", "pybullet", "model")
+SEEN = Condition("fieldgym/SafflowerPicking-v0", "pots", "analytic", "camera")
 ROW = Condition("fieldgym/SafflowerPicking-v0", "row", "analytic", "model")
 BELT = Condition("fieldgym/ProduceSorting-v0", "load-1.25", "analytic", "model")
 POLICIES = {
     POTS: ("random", "fixed-order", "nearest", "learned"),
     PHYSICS: ("random", "fixed-order", "nearest", "learned"),
+    SEEN: ("fixed-order",),
     ROW: ("fixed-order", "<b>&new"),
     BELT: ("fifo", "nearest", "receding-horizon"),
 }
@@ -54,7 +56,7 @@ def timeline(rng: np.random.Generator, decisions: int = 6) -> dict:
 
 def record(condition: Condition, policy: str, seed: int) -> Record:
     """An episode with figures that its names decide."""
-    rng = np.random.default_rng([seed, len(policy), len(condition.scenario), len(condition.backend)])
+    rng = np.random.default_rng([seed, *map(len, (policy, *list(vars(condition).values())[1:4]))])
     told = timeline(rng)
     card = {
         "net_rate": 0.5 + 0.05 * len(policy) / 8 + rng.uniform(0.0, 0.2),
@@ -63,6 +65,7 @@ def record(condition: Condition, policy: str, seed: int) -> Record:
         "duration_s": 1.0 + float(np.sum(told["timeline"]["seconds"])),
         "done": 6.0,
         "damaged": float(seed % 2),
+        **({"stop": 14.0} if condition.scenario == "pots" else {}),
         **{f"phase_{name}_s": float(rng.uniform(5.0, 9.0)) for name in PHASES},
     }
     if seed > 0:
@@ -120,7 +123,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     records = [
         record(where, name, seed)
         for where, names in POLICIES.items()
-        for seed in (PHYSICS_SEEDS if where == PHYSICS else SEEDS)
+        for seed in (PHYSICS_SEEDS if where in (PHYSICS, SEEN) else SEEDS)
         for name in names
     ]
     bounds = [bound(POTS, seed) for seed in SEEDS]
@@ -262,7 +265,7 @@ def test_gaps_and_bound_are_told_where_there_are_bounds(study: reader.Study, htm
 def test_headline_is_the_headline_scenario_with_most_seeds(study: reader.Study):
     pots = study.chapters[0]
     assert pots.headline.condition == POTS
-    assert [tier.condition for tier in pots.others] == [PHYSICS, ROW]
+    assert [tier.condition for tier in pots.others] == [SEEN, PHYSICS, ROW]
 
 
 def test_headline_is_the_simulated_one_when_seeds_are_as_many(tmp_path: Path):
@@ -270,20 +273,32 @@ def test_headline_is_the_simulated_one_when_seeds_are_as_many(tmp_path: Path):
     assert reader.load(write(tmp_path / "tie", records)).chapters[0].headline.condition == PHYSICS
 
 
-def test_transfer_is_the_paired_difference_of_the_backends(study: reader.Study, html: str):
+@pytest.mark.parametrize(("name", "first", "second"), [("driven", POTS, PHYSICS), ("seen", POTS, SEEN)])
+def test_conditions_are_compared_by_paired_differences(study: reader.Study, name: str, first, second):
     pots, belt = study.chapters
-    assert belt.transfer == ()
-    assert pots.compared == (POTS, PHYSICS)
-    moved = {move.policy: move for move in pots.transfer}
-    assert tuple(moved) == POLICIES[POTS]
-    for policy, move in moved.items():
-        each = [
-            record(PHYSICS, policy, seed)["scorecard"]["net_rate"] - record(POTS, policy, seed)["scorecard"]["net_rate"]
-            for seed in PHYSICS_SEEDS
-        ]
-        assert move.differences["net_rate"].value == pytest.approx(np.mean(each))
-        assert move.differences["net_rate"].n == len(PHYSICS_SEEDS)
+    assert getattr(belt, name) is None
+    compared = getattr(pots, name)
+    assert (compared.first, compared.second, compared.pairs) == (first, second, len(PHYSICS_SEEDS))
+    assert tuple(move.policy for move in compared.moves) == POLICIES[second]
+    for move in compared.moves:
+        pairs = [[record(where, move.policy, seed) for seed in PHYSICS_SEEDS] for where in (first, second)]
+        rates = np.array([[each["scorecard"]["net_rate"] for each in side] for side in pairs])
+        assert move.differences["net_rate"].value == pytest.approx(np.mean(rates[1] - rates[0]))
+        assert move.means["net_rate"] == pytest.approx(tuple(rates.mean(axis=1)))
+
+
+def test_page_and_leaderboard_show_cameras_beside_their_model(study: reader.Study, html: str):
     assert "From the analytic backend to PyBullet" in html
+    assert html.count("Through the cameras") == 2  # a table of all tasks, and the one task's figure
+    lines = leaderboard.render(study, "x").splitlines()
+    start = lines.index("## Through the cameras")
+    [line] = [line for line in lines[start:] if line.startswith("| Safflower picking")]
+    seen = study.chapters[0].seen
+    assert seen is not None
+    [move] = seen.moves
+    item, (_, mean) = move.differences["net_rate"], move.means["net_rate"]
+    ends = f"{100.0 * item.low:.2f} .. {100.0 * item.high:.2f}"
+    assert f"| fixed-order | 6 | {100.0 * mean:.2f} | {100.0 * item.value:+.2f}<br>{ends}" in line
 
 
 def test_stamp_says_where_it_comes_from(study: reader.Study, html: str):
@@ -354,6 +369,9 @@ def test_leaderboard_ranks_by_return_and_has_the_tables_figures(study: reader.St
     text = leaderboard.render(study, "fieldgym report x --out y")
     for item in study.chapters:
         part = text.split(f"## {sections.name_of(item.task.id)}\n")[1].split("\n## ")[0]
+        part, _, field = part.partition("In the field:")
+        unit = {"SafflowerPicking-v0": "m of row", "ProduceSorting-v0": "items"}[item.task.name]
+        assert f"| {unit} an hour |" in field
         lines = [line.split(" | ") for line in part.splitlines() if re.match(r"\| \d", line)]
         names = [line[1].strip("*") for line in lines]
         order = sorted(item.headline.rows, key=lambda row: -row.scores["return"].value)
@@ -362,7 +380,7 @@ def test_leaderboard_ranks_by_return_and_has_the_tables_figures(study: reader.St
             assert line[2].split("<br>")[0] == leaderboard.COLUMNS[0].cell(row)[0]
     assert "`fieldgym report x --out y`" in text and "Toy, 2 cores" in text
     tables = re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE)
-    assert len(tables) == len(study.chapters)
+    assert len(tables) == 2 * len(study.chapters) + 1  # scores and rates, and the cameras
     assert all(len({line.count("|") for line in table.splitlines()}) == 1 for table in tables)
 
 

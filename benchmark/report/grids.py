@@ -9,7 +9,7 @@ from ..suites import BOUND
 from ..summary import Row
 from ..tables import Column, doubt
 from .markup import Markup, tag
-from .reader import Tier, Transfer
+from .reader import Move, Tier
 from .styles import Style
 from .svg import marker
 
@@ -165,16 +165,34 @@ def over_rules(rows: Sequence[Row]) -> Markup:
     return boxed(tag("tr", heads), lines, kind="compact")
 
 
-def moved(move: Transfer) -> list[Markup]:
-    """Cells of a policy's differences between the backends."""
+MOVED = (
+    Column("net rate, points", *_RATE),
+    Column("cycle time, s", "cycle_time_s", 1.0, 3),
+    Column("return", *_RETURN),
+)
+"""What is compared between two conditions."""
+
+
+def moved(move: Move, before: str, after: str) -> list[Markup]:
+    """Cells of a policy's differences between two conditions, called ``before`` and ``after``."""
     cells = []
-    for column in (Column("", *_RATE), Column("", "cycle_time_s", 1.0, 3), Column("", *_RETURN)):
+    for column in MOVED:
         item = move.differences[column.name]
         if not math.isfinite(item.value):
             cells.append(tag("td", NONE))
             continue
         interval = f"{column.text(item.low)} to {column.text(item.high)}" if math.isfinite(item.low) else ""
-        before, after = map(column.text, move.means[column.name])
-        tip = f"{move.policy}\nanalytic {before}\nPyBullet {after}"
+        was, is_now = map(column.text, move.means[column.name])
+        tip = f"{move.policy}\n{before} {was}\n{after} {is_now}"
         cells.append(_td(column.text(item.value, "+"), interval, doubt(item), tip=tip))
     return cells
+
+
+def moves_table(moves: Sequence[tuple[object, str | None, Move]], first: str, before: str, after: str) -> Markup:
+    """Differences between two conditions, a line each: its heading, the policy that it lights up, the move."""
+    lines = [
+        tag("tr", tag("th", heading, scope="row"), moved(move, before, after), data_policy=policy)
+        for heading, policy, move in moves
+    ]
+    heads = [tag("th", broken(text), scope="col") for text in (first, *(column.title for column in MOVED))]
+    return boxed(tag("tr", heads), lines, kind="compact")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from ..summary import Row
-from ..tables import LEGEND, Column, escaped
+from ..tables import LEGEND, Column, doubt, escaped, field_columns
 from . import sections
+from .grids import MOVED
 from .page import stamp
-from .reader import Chapter, Study
+from .reader import Chapter, Move, Study
 
 COLUMNS = (
     Column("net rate, %", "net_rate", 100.0, 2),
@@ -38,6 +40,7 @@ def render(study: Study, command: str) -> str:
         "Each task's headline tier, policies by mean return. " + LEGEND,
         "",
         *(line for item in study.chapters for line in _chapter(item)),
+        *_cameras(study.chapters),
         "## Where it comes from",
         "",
         *said,
@@ -56,17 +59,26 @@ def _chapter(item: Chapter) -> list[str]:
     tier = item.headline
     rows = sorted(tier.rows, key=lambda row: -_place(row))
     shown = [column for column in COLUMNS if any(column.cell(row)[0] != "-" for row in rows)]
+    told = field_columns(rows)
     return [
         f"## {sections.name_of(item.task.id)}",
         "",
         f"`{item.task.id}`, {escaped(sections.words(tier.condition))}, {len(tier.seeds)} {tier.condition.instances}s.",
         "",
-        "| | policy | " + " | ".join(column.title for column in shown) + " |",
-        "|--:|---" + "|--:" * len(shown) + "|",
-        *(_line(str(i), row, shown) for i, row in enumerate(rows, start=1)),
+        *_table(rows, shown),
         *([] if tier.bound is None else [_line("", tier.bound, shown)]),
         "",
-        *_transfer(item),
+        *(["In the field:", "", *_table(rows, told), ""] if told else []),
+        *_driven(item),
+    ]
+
+
+def _table(rows: Sequence[Row], columns: Sequence[Column]) -> list[str]:
+    """Lines of a table of policies, numbered by their place."""
+    return [
+        "| | policy | " + " | ".join(column.title for column in columns) + " |",
+        "|--:|---" + "|--:" * len(columns) + "|",
+        *(_line(str(i), row, columns) for i, row in enumerate(rows, start=1)),
     ]
 
 
@@ -83,16 +95,59 @@ def _line(place: str, row: Row, columns: Sequence[Column]) -> str:
     return f"| {place} | {name} | " + " | ".join(cells) + " |"
 
 
-def _transfer(item: Chapter) -> list[str]:
+def _driven(item: Chapter) -> list[str]:
     """PyBullet minus analytic, in one sentence: the largest difference of any policy."""
-    if not item.transfer:
+    if item.driven is None:
         return []
     points, seconds = (
-        max(abs(move.differences[name].value) for move in item.transfer) for name in ("net_rate", "cycle_time_s")
+        max(abs(move.differences[name].value) for move in item.driven.moves) for name in ("net_rate", "cycle_time_s")
     )
-    pairs = max(move.differences["net_rate"].n for move in item.transfer)
     return [
-        f"From the analytic backend to PyBullet, {pairs} shared seeds: no policy's mean moves by more than "
+        f"From the analytic backend to PyBullet, {item.driven.pairs} shared seeds: no policy's mean moves by more than "
         f"{100.0 * points:.2f} points and {seconds:.3f} s.",
         "",
     ]
+
+
+def _cameras(chapters: Sequence[Chapter]) -> list[str]:
+    """Camera beside model perception, a line a task and policy."""
+    seen = [(item, item.seen, move) for item in chapters if item.seen is not None for move in item.seen.moves]
+    if not seen:
+        return []
+    heads = [
+        text for column in MOVED for text in (f"{_of(column)} through the camera", f"minus model, {_unit(column)}")
+    ]
+    lines = [
+        "## Through the cameras",
+        "",
+        "The same fields, machine and luck, seen by rendered and segmented pictures instead of the model that was "
+        "fitted to such pictures; differences are paired.",
+        "",
+        "| task | policy | seeds | " + " | ".join(heads) + " |",
+        "|---|---" + "|--:" * (len(heads) + 1) + "|",
+    ]
+    for item, compared, move in seen:
+        cells = [text for column in MOVED for text in _moved(column, move)]
+        names = sections.name_of(item.task.id), escaped(move.policy), str(compared.pairs)
+        lines.append("| " + " | ".join((*names, *cells)) + " |")
+    return [*lines, ""]
+
+
+def _moved(column: Column, move: Move) -> tuple[str, str]:
+    """The second condition's mean and the difference to the first with its interval."""
+    item, mean = move.differences[column.name], move.means[column.name][1]
+    if not math.isfinite(item.value):
+        return "-", "-"
+    low_high = f"<br>{column.text(item.low)} .. {column.text(item.high)}" if math.isfinite(item.low) else ""
+    mark = f" {doubt(item)}" if doubt(item) else ""
+    return column.text(mean), column.text(item.value, "+") + low_high + mark
+
+
+def _of(column: Column) -> str:
+    """A comparison's score with its unit, as a mean."""
+    return column.title.replace("points", "%")
+
+
+def _unit(column: Column) -> str:
+    """The unit of a comparison's difference."""
+    return column.title.partition(", ")[2] or column.title

@@ -10,7 +10,7 @@ from ...agents import policy_names, reference_policy
 from ...envs import env_ids
 from ..statistics import CONFIDENCE, FEWEST_PAIRS, RESAMPLES
 from . import grids, sections
-from .markup import Markup, join, tag
+from .markup import EMPTY, Markup, join, tag
 from .reader import Chapter, Study
 from .styles import Style, policy_styles
 
@@ -28,7 +28,12 @@ def render(study: Study, command: str) -> str:
     body = join(
         [
             _header(study),
-            tag("main", _glance(study, styles), [sections.chapter(item, styles) for item in study.chapters]),
+            tag(
+                "main",
+                _glance(study, styles),
+                _cameras(study),
+                [sections.chapter(item, styles) for item in study.chapters],
+            ),
             _footer(study, command),
         ]
     )
@@ -117,6 +122,29 @@ def _glance_line(item: Chapter, styles: Mapping[str, Style]) -> Markup:
     return tag("tr", tag("th", name, where, phone, scope="row"), policy, cells)
 
 
+def _cameras(study: Study) -> Markup:
+    """Camera beside model perception, a line a task and policy."""
+    lines = []
+    for item in study.chapters:
+        for move in () if item.seen is None else item.seen.moves:
+            name = tag("a", sections.name_of(item.task.id), href=f"#{sections.anchor(item.task.id)}")
+            lines.append(([name, tag("small", move.policy)], None, move))
+    if not lines:
+        return EMPTY
+    return tag(
+        "section",
+        tag("h2", "Through the cameras"),
+        tag(
+            "p",
+            "The same fields, machine and luck, seen by rendered and segmented pictures instead of the model that was "
+            "fitted to such pictures: camera minus model.",
+            _class="about",
+        ),
+        grids.moves_table(lines, "task", "model", "camera"),
+        id="cameras",
+    )
+
+
 def _footer(study: Study, command: str) -> Markup:
     notes = (
         ("Net rate", "The share of what was there that was done right, as each task's page defines it."),
@@ -135,6 +163,11 @@ def _footer(study: Study, command: str) -> Markup:
             "Bound",
             "What no policy can pass on the same fields with the same luck, were everything known beforehand. Its "
             "figures need not be reachable together.",
+        ),
+        (
+            "Energy",
+            "Of the tool (light, work against the soil) and the positive mechanical work of the motors that move it, "
+            "the latter estimated from the machine's dynamics. No losses, no fans, no driving over the field.",
         ),
         (
             "Interquartile mean",

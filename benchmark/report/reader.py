@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ Seeded = Mapping[Any, float]
 """A score of every episode by its field (a file's name, else the seed); NaN where there is none."""
 
 COMPARED = ("net_rate", "cycle_time_s", "return")
-"""Scores that are compared between backends."""
+"""Scores that are compared between backends and between perceptions."""
 
 
 @dataclass(frozen=True)
@@ -94,18 +95,38 @@ class Tier:
 
 
 @dataclass(frozen=True)
-class Transfer:
-    """One policy on both backends, same scenario and seeds: PyBullet minus analytic.
+class Move:
+    """One policy under two conditions on the same fields: the second minus the first.
 
     Attributes:
         policy: its name.
-        means: (analytic, PyBullet) of each score on the shared seeds.
+        means: (first, second) of each score on the shared fields.
         differences: of each score.
     """
 
     policy: str
     means: Mapping[str, tuple[float, float]]
     differences: Mapping[str, Difference]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Every policy that was run under both of two conditions.
+
+    Attributes:
+        first: what is compared with.
+        second: what is compared.
+        moves: a policy each.
+    """
+
+    first: Condition
+    second: Condition
+    moves: tuple[Move, ...]
+
+    @property
+    def pairs(self) -> int:
+        """Shared fields, of the policy that has most."""
+        return max(move.differences["net_rate"].n for move in self.moves)
 
 
 @dataclass(frozen=True)
@@ -116,15 +137,15 @@ class Chapter:
         task: what it is.
         headline: the tier that the page is about.
         others: every other tier.
-        transfer: the headline scenario on both backends, a line a policy; empty when it ran on one.
-        compared: the two conditions of ``transfer``, analytic first.
+        driven: the headline scenario from the analytic backend to PyBullet; None when it ran on one.
+        seen: the headline scenario from the camera's model to the rendered camera on one backend; None likewise.
     """
 
     task: TaskSpec
     headline: Tier
     others: tuple[Tier, ...]
-    transfer: tuple[Transfer, ...]
-    compared: tuple[Condition, ...]
+    driven: Comparison | None
+    seen: Comparison | None
 
 
 @dataclass(frozen=True)
@@ -212,7 +233,17 @@ def _chapter(task: TaskSpec, tiers: Sequence[Tier]) -> Chapter:
 
     first = max(tiers, key=rank)
     others = sorted((tier for tier in tiers if tier is not first), key=place)
-    return Chapter(task, first, tuple(others), *_transfer(first, others))
+    alike = [tier for tier in tiers if tier.condition.scenario == first.condition.scenario]
+    driven = _comparison(
+        first, [pair for pair in permutations(alike, 2) if _backends(*pair) == ("analytic", "pybullet")]
+    )
+    same = [pair for pair in permutations(alike, 2) if len(set(_backends(*pair))) == 1]
+    eyes = [pair for pair in same if tuple(tier.condition.perception for tier in pair) == ("model", "camera")]
+    return Chapter(task, first, tuple(others), driven, _comparison(first, eyes))
+
+
+def _backends(first: Tier, second: Tier) -> tuple[str, str]:
+    return first.condition.backend, second.condition.backend
 
 
 def _tier(group: Condition, members: Sequence[Record], rows: Sequence[Row], bounds: Sequence[Record]) -> Tier:
@@ -261,17 +292,10 @@ def _bound_words(records: Sequence[Record]) -> BoundWords | None:
     )
 
 
-def _transfer(headline: Tier, others: Sequence[Tier]) -> tuple[tuple[Transfer, ...], tuple[Condition, ...]]:
-    """Every policy that ran on both backends; with equal perception where there is such a pair."""
-    tiers = [tier for tier in (headline, *others) if tier.condition.scenario == headline.condition.scenario]
-    pairs = [
-        (first, second)
-        for first in tiers
-        for second in tiers
-        if first.condition.backend == "analytic" and second.condition.backend == "pybullet"
-    ]
+def _comparison(headline: Tier, pairs: Sequence[tuple[Tier, Tier]]) -> Comparison | None:
+    """Of the pair that is most alike and, of these, has most fields."""
     if not pairs:
-        return (), ()
+        return None
     first, second = max(
         pairs, key=lambda pair: (pair[0].condition.perception == pair[1].condition.perception, len(pair[1].seeds))
     )
@@ -284,5 +308,5 @@ def _transfer(headline: Tier, others: Sequence[Tier]) -> tuple[tuple[Transfer, .
             if seeds:
                 means = {name: (mean(a).value, mean(b).value) for name, (a, b) in columns.items()}
                 differences = {name: paired_difference(b, a) for name, (a, b) in columns.items()}
-                found.append(Transfer(policy, means, differences))
-    return tuple(found), (first.condition, second.condition)
+                found.append(Move(policy, means, differences))
+    return Comparison(first.condition, second.condition, tuple(found)) if found else None

@@ -7,12 +7,12 @@ import re
 
 from ..suites import Condition
 from ..summary import Row
-from ..tables import MARKDOWN, doubt
+from ..tables import MARKDOWN, doubt, field_columns
 from ..thinking import CHARGED
 from . import charts, gantt
-from .grids import TABLE, boxed, broken, chips, holds, minus, moved, over_rules, swatch, table
-from .markup import EMPTY, Markup, tag
-from .reader import Chapter, Tier
+from .grids import TABLE, chips, holds, minus, moves_table, over_rules, swatch, table
+from .markup import EMPTY, Markup, join, tag
+from .reader import Chapter, Comparison, Tier
 from .styles import Style
 
 FIGURES = {column.name: column for _, columns in TABLE for column in columns if column.kind == "mean"}
@@ -59,6 +59,7 @@ def chapter(item: Chapter, styles: dict[str, Style]) -> Markup:
         _verdict(tier),
         chips(tier, styles),
         table(tier, styles),
+        _field(tier, styles),
         _more(tier, styles),
         tag(
             "div",
@@ -77,7 +78,8 @@ def chapter(item: Chapter, styles: dict[str, Style]) -> Markup:
                 "Share of the episodes with at least this net rate; further right is better.",
                 charts.profile(tier, styles),
             ),
-            _transfer(item, styles),
+            _driven(item, styles),
+            _seen(item, styles),
             _class="pair",
         ),
         _seconds(tier),
@@ -148,6 +150,12 @@ def _learned(row: Row) -> list[str]:
     return [tag("b", row.policy), f"{says}, least over {rule}: {interval}. "]
 
 
+def _field(tier: Tier, styles: dict[str, Style]) -> Markup:
+    """What the scores come to in a grower's units."""
+    columns = field_columns(tier.rows)
+    return join([tag("h4", "In the field"), table(tier, styles, [("", columns)])]) if columns else EMPTY
+
+
 def _difference(row: Row, name: str) -> str:
     unit = {"net_rate": " points", "cycle_time_s": " s", "return": ""}[name]
     item = row.differences.get(name)
@@ -185,32 +193,38 @@ def figure(title: str, caption: str, *content: Markup) -> Markup:
     return tag("figure", tag("figcaption", tag("b", title), tag("span", caption)), content) if all(content) else EMPTY
 
 
-def _transfer(item: Chapter, styles: dict[str, Style]) -> Markup:
+def _driven(item: Chapter, styles: dict[str, Style]) -> Markup:
     """What changes when physics carries the plans out."""
-    if not item.transfer:
+    if item.driven is None:
         return EMPTY
-    first, second = item.compared
+    first, second = item.driven.first, item.driven.second
     eyes = (
         f"both with {first.perception} perception"
         if first.perception == second.perception
         else f"{first.perception} perception against {second.perception}"
     )
-    pairs = max(move.differences["net_rate"].n for move in item.transfer)
-    lines = [
-        tag(
-            "tr",
-            tag("th", swatch(styles[move.policy]), move.policy, scope="row"),
-            moved(move),
-            data_policy=move.policy,
-        )
-        for move in item.transfer
-    ]
-    heads = [tag("th", broken(text), scope="col") for text in ("policy", "net rate, points", "cycle time, s", "return")]
     return figure(
         "From the analytic backend to PyBullet",
-        f"PyBullet minus analytic on {pairs} shared seeds, {eyes}.",
-        boxed(tag("tr", heads), lines, kind="compact"),
+        f"PyBullet minus analytic on {item.driven.pairs} shared seeds, {eyes}.",
+        _moves(item.driven, styles, "analytic", "PyBullet"),
     )
+
+
+def _seen(item: Chapter, styles: dict[str, Style]) -> Markup:
+    """What changes when rendered cameras see instead of their model."""
+    if item.seen is None:
+        return EMPTY
+    return figure(
+        "Through the cameras",
+        f"Rendered and segmented pictures minus the model of them on {item.seen.pairs} shared seeds, "
+        f"{item.seen.first.backend} backend.",
+        _moves(item.seen, styles, "model", "camera"),
+    )
+
+
+def _moves(item: Comparison, styles: dict[str, Style], before: str, after: str) -> Markup:
+    named = [([swatch(styles[move.policy]), move.policy], move.policy, move) for move in item.moves]
+    return moves_table(named, "policy", before, after)
 
 
 def _seconds(tier: Tier) -> Markup:

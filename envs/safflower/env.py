@@ -23,6 +23,7 @@ PICKER: Assembly[Any] = Assembly(
     view=later("fieldgym.envs.safflower.view:PickerView"),
     belief=later("fieldgym.envs.safflower.belief:belief"),
     within_motors=within_motors,
+    rates=later("fieldgym.envs.safflower.rates:rates_of"),
     settings={"slots": "slots"},
 )
 

@@ -23,6 +23,7 @@ SORTER: Assembly[Any] = Assembly(
     view=later("fieldgym.envs.sorting.view:SorterView"),
     belief=later("fieldgym.envs.sorting.belief:belief"),
     within_motors=within_motors,
+    rates=later("fieldgym.envs.sorting.rates:rates_of"),
     settings={"slots": "slots"},
 )
 

@@ -71,6 +71,22 @@ def motor_shares(machine: MachineConfig, speed_m_s: float, payload_kg: float) ->
 def motions(machine: MachineConfig, speed_m_s: float, payload_kg: float) -> Motions:
     """Level and upright strokes all over the reach, turning as far as the commands allow, mostly at its edge."""
     sorter = machine.sorter
+    poses, velocity, acceleration, lengths = paths(machine)
+    terms = effort_terms(prrs_dynamics(sorter, payload_kg, sorter.tool_m), poses, velocity, acceleration)
+    # What following the belt adds to the acceleration, as a share of the platform's own limit.
+    extra = QUINTIC.peak_velocity * speed_m_s / machine.shortest_move_s / sorter.acceleration_m_s2
+    terms = EffortTerms(terms.inertia * (1.0 + extra), terms.viscous, terms.steady)
+    accelerations = np.array([sorter.acceleration_m_s2, sorter.turn_rad_s2])
+    accelerating = QUINTIC.duration(lengths, np.inf, accelerations).max(axis=1)
+    speeds = np.array([sorter.velocity_m_s, sorter.turn_rad_s])
+    return Motions(terms, QUINTIC.duration(lengths, speeds, accelerations).max(axis=1), accelerating)
+
+
+def paths(machine: MachineConfig) -> tuple[Array, Array, Array, Array]:
+    """Poses (n, samples, 6) on those strokes, twists and their rates as if each took a second, lengths (n, 2).
+
+    Lengths are metres and radians.
+    """
     start, end, first, last = _strokes(machine)
     s, v, a = law_columns(QUINTIC)
     angle = angle_between(first, last)
@@ -79,17 +95,8 @@ def motions(machine: MachineConfig, speed_m_s: float, payload_kg: float) -> Moti
     norm = np.linalg.norm(turn[:, 1:], axis=1, keepdims=True)
     stroke = np.concatenate([end - start, angle[:, None] * turn[:, 1:] / np.where(norm > 0.0, norm, 1.0)], axis=1)
     ways = stroke[:, None]
-    poses = _poses(start, end, first, last, s[:, 0])
-    dynamics = prrs_dynamics(sorter, payload_kg, sorter.tool_m)
-    terms = effort_terms(dynamics, poses, v * ways, a * ways)
-    # What following the belt adds to the acceleration, as a share of the platform's own limit.
-    extra = QUINTIC.peak_velocity * speed_m_s / machine.shortest_move_s / sorter.acceleration_m_s2
-    terms = EffortTerms(terms.inertia * (1.0 + extra), terms.viscous, terms.steady)
     lengths = np.column_stack([np.linalg.norm(end - start, axis=1), angle])
-    accelerations = np.array([sorter.acceleration_m_s2, sorter.turn_rad_s2])
-    accelerating = QUINTIC.duration(lengths, np.inf, accelerations).max(axis=1)
-    speeds = np.array([sorter.velocity_m_s, sorter.turn_rad_s])
-    return Motions(terms, QUINTIC.duration(lengths, speeds, accelerations).max(axis=1), accelerating)
+    return _poses(start, end, first, last, s[:, 0]), v * ways, a * ways, lengths
 
 
 def _strokes(machine: MachineConfig) -> tuple[Array, Array, Array, Array]:

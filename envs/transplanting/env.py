@@ -33,6 +33,7 @@ TRANSPLANTER: Assembly[Any] = Assembly(
     view=later("fieldgym.envs.transplanting.view:TransplantView"),
     belief=later("fieldgym.envs.transplanting.belief:belief"),
     within_motors=within_motors,
+    rates=later("fieldgym.envs.transplanting.rates:rates_of"),
     settings={"motion": "machine.motion", "source_tray": _with_source, "target_tray": _with_target},
 )
 

@@ -34,6 +34,7 @@ HOE: Assembly[Any] = Assembly(
     view=later("fieldgym.envs.weeding.tools.hoe.view:HoeView"),
     belief=later("fieldgym.envs.weeding.belief:belief"),
     within_motors=within_motors,
+    rates=later("fieldgym.envs.weeding.tools.hoe.rates:rates_of"),
     settings={"slots": "slots"},
     fixed={"speed_control": False},
 )

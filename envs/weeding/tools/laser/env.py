@@ -35,6 +35,7 @@ LASER: Assembly[Any] = Assembly(
     view=later("fieldgym.envs.weeding.tools.laser.view:WeederView"),
     belief=later("fieldgym.envs.weeding.belief:belief"),
     within_motors=within_motors,
+    rates=later("fieldgym.envs.weeding.tools.laser.rates:rates_of"),
     settings={"slots": "slots"},
     fixed={"speed_control": False},
 )

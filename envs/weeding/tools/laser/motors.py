@@ -64,6 +64,21 @@ def motor_shares(reach: LaserReach, parameters: WeederParameters, acceleration_m
 def motions(reach: LaserReach, parameters: WeederParameters) -> Motions:
     """Moves of platform and beam over the whole reach and short ones all over it, each axis as fast as it may be."""
     start, stroke = _strokes(reach)
+    terms = effort_terms(weeder_dynamics(parameters), *paths(reach, start, stroke))
+    pace, square = (np.array(values) for values in reach.paces)
+    lengths = np.abs(stroke)
+    accelerating = np.sqrt((lengths * square).max(axis=1))
+    return Motions(terms, np.maximum((lengths * pace).max(axis=1), accelerating), accelerating)
+
+
+def paths(reach: LaserReach, start: Array, stroke: Array) -> tuple[Array, Array, Array]:
+    """Places of cart and platform (n, samples, 5) on moves of the beam, and two derivatives, as if each took a second.
+
+    Args:
+        reach: of the aim.
+        start: of the moves in beam coordinates, (n, 3).
+        stroke: likewise.
+    """
     s, v, a = law_columns(QUINTIC)
 
     def at(share: Array) -> Array:
@@ -76,11 +91,7 @@ def motions(reach: LaserReach, parameters: WeederParameters) -> Motions:
     place, velocity, acceleration = (
         np.concatenate([still, part], axis=-1) for part in (here, slope * v, slope * a + bend * v**2)
     )
-    terms = effort_terms(weeder_dynamics(parameters), place, velocity, acceleration)
-    pace, square = (np.array(values) for values in reach.paces)
-    lengths = np.abs(stroke)
-    accelerating = np.sqrt((lengths * square).max(axis=1))
-    return Motions(terms, np.maximum((lengths * pace).max(axis=1), accelerating), accelerating)
+    return place, velocity, acceleration
 
 
 def _strokes(reach: LaserReach) -> tuple[Array, Array]:
