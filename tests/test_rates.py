@@ -1,16 +1,23 @@
 """What scorecards come to in a grower's units, recomputed from the phases and the machine's dynamics."""
 
+from typing import Any
+
+import gymnasium as gym
 import numpy as np
 import pytest
 
 import fieldgym  # noqa: F401
+from fieldgym.agents import make_policy
+from fieldgym.agents.rollout import begin, decisions
 from fieldgym.benchmark import rates, suites, tables
 from fieldgym.benchmark.episode import run_episode
 from fieldgym.benchmark.suites import Condition, Episode
 from fieldgym.envs import env_ids, task
 from fieldgym.envs.rates import driving_power_w, motor_power_w, straight_power_w
+from fieldgym.envs.weeding.tools.laser.motors import paths
 from fieldgym.motion import QUINTIC
 from fieldgym.motion.efforts import law_columns
+from fieldgym.simulation.dynamics import prrs_dynamics, weeder_dynamics
 
 
 class Sled:
@@ -72,3 +79,27 @@ def test_rates_add_up(env_id: str):
     [row] = tables.summarise([record], suites.suite("full").cases)
     shown = [column.title for column in tables.field_columns([row])]
     assert f"{told.unit} an hour" in shown and len(shown) == (6 if told.unit == "ha" else 4)
+
+
+@pytest.mark.parametrize("name", ["LaserWeeding", "HoeWeeding"])
+def test_the_estimate_is_near_the_power_of_the_moves_of_an_episode(name: str):
+    env: Any = gym.make(f"fieldgym/{name}-v0", backend="analytic", perception="model")
+    observation, _ = begin(env, 3)
+    core, moves = env.unwrapped.core, []
+    for _ in decisions(env, make_policy("fifo", env, seed=0), observation):
+        plan = core.planned
+        if plan.kind[0] < 3 and plan.phases_s[0, 0] > 0.0:
+            place = [plan.cart[0], 0.0, 0.0]
+            moves.append((plan.start[0] - place, plan.target[0] - plan.start[0], plan.phases_s[0, 0]))
+    start, stroke, time_s = map(np.array, zip(*moves, strict=True))
+    if name == "LaserWeeding":
+        machine = weeder_dynamics(core.config.parameters)
+        power_w = motor_power_w(machine, *paths(core.config.reach, start, stroke), time_s)
+    else:
+        parameters = core.config.parameters
+        pose, way = np.zeros((2, len(start), 6))
+        pose[:, [0, 1]], way[:, [0, 1]] = start[:, [0, 2]], stroke[:, [0, 2]]
+        pose[:, 2] = core.config.process.clearance_m - parameters.lowest_tip_m
+        power_w = straight_power_w(prrs_dynamics(parameters), pose, way, time_s)
+    told = rates.rates_of(Condition(f"fieldgym/{name}-v0", "load-1.25", "analytic", "model"))
+    assert told.motor_w["move"] == pytest.approx(power_w, rel=0.2)
