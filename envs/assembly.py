@@ -17,6 +17,9 @@ PERCEPTIONS = ("perfect", "model", "camera")
 CUSTOM = "custom"
 """Name of a scenario that came as numbers, not by name."""
 
+USUAL_DECISION_S = 1.0
+"""Of a task of which nobody has measured it [assumed]."""
+
 ConfigT = TypeVar("ConfigT", bound=Config)
 
 
@@ -34,6 +37,8 @@ class Assembly(Generic[ConfigT]):
         measured: the perception model fitted to rendered pictures; None where there is none.
         machine: makes the executor that drives one world's machine in PyBullet; None where there is none.
         view: makes the rendered world of a single environment.
+        cameras: from where it shows itself to people, the first by default; empty where its pictures are as they are.
+        decision_s: seconds that a decision takes on average, by scenario, where somebody has measured them.
         belief: what the machine believes of one world's field beside what is true, a ``Belief``, for people to see.
         within_motors: lowers a configuration's limits of speed and acceleration to what its machine's motors can give,
             or refuses motors that cannot hold it; None where no motor is modelled. See ``motors``.
@@ -51,6 +56,8 @@ class Assembly(Generic[ConfigT]):
     measured: Callable[[ConfigT], Any] | None = None
     machine: Callable[[Any], Executor[Any, Any]] | None = None
     view: Callable[[Any], View[Any]] | None = None
+    cameras: tuple[str, ...] = ()
+    decision_s: Mapping[str, float] = field(default_factory=dict)
     belief: Callable[[Any], Any] | None = None
     within_motors: Callable[[ConfigT], ConfigT] | None = None
     rates: Callable[[ConfigT], Any] | None = None
@@ -77,6 +84,10 @@ class Assembly(Generic[ConfigT]):
     def name_of(self, scenario: Any) -> str:
         """The name of a scenario, ``CUSTOM`` for one that has none."""
         return next((name for name, known in self.scenarios.items() if known == scenario), CUSTOM)
+
+    def mean_decision_s(self, scenario: str) -> float:
+        """Seconds that a decision takes on average, in the headline scenario where nobody knows of this one."""
+        return self.decision_s.get(scenario, self.decision_s.get(self.headline, USUAL_DECISION_S))
 
     def default_perception(self, backend: str) -> str:
         """What a machine on a backend sees with: its camera in PyBullet where it has one, else the model of it."""
@@ -156,7 +167,7 @@ class Assembly(Generic[ConfigT]):
 
 KEYWORDS = (
     "scenario", "backend", "engine", "perception", "config", "overrides", "render_mode", "observation", "pixel_rows",
-    "depth",
+    "depth", "camera", "width", "height",
 )  # fmt: skip
 
 

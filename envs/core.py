@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ..rendering.shots import Shot
 from .field import Field, FieldError
 
 Array = NDArray[np.float64]
@@ -344,9 +345,11 @@ class View(Protocol[PlanIn]):
 
     Attributes:
         depth_range_m: depths that a ``sight`` lies between.
+        shot: from where people look, and the size of their pictures; set once, before the first.
     """
 
     depth_range_m: tuple[float, float] = (0.0, 2.0)
+    shot: Shot = Shot()
 
     def sense(self) -> None:
         """Hand the rules a camera's reports where a look is due."""

@@ -10,10 +10,36 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..rendering.shots import Shot
+from .assembly import Assembly, choice
 from .references import resolved
 
 PAGE = "fieldgym.viewer.page:Page"
 """Shows scenes in the browser; loaded where there is no display."""
+FRAMES_PER_SECOND = 20.0
+"""Pictures a second where people watch."""
+_LEAST_PX, _MOST_PX = 32, 4096
+
+
+def checked_shot(parts: Assembly[Any], camera: str | None, width: int | None, height: int | None) -> Shot:
+    """The picture for people that is asked for; what is None is the task's own.
+
+    Raises:
+        ValueError: the task has no such camera, or a size is no number of pixels that can be drawn.
+    """
+    asked = {"camera": camera, "width": width, "height": height}
+    given = {name: value for name, value in asked.items() if value is not None}
+    if not given:
+        return Shot(camera=parts.cameras[0]) if parts.cameras else Shot()
+    if not parts.cameras:
+        name, value = next(iter(given.items()))
+        raise ValueError(f"{name} = {value!r}: pictures of this task are as they are, its assembly names no cameras")
+    for name, value in given.items():
+        if name != "camera" and (
+            isinstance(value, bool) or not isinstance(value, int | np.integer) or not _LEAST_PX <= value <= _MOST_PX
+        ):
+            raise ValueError(f"{name} = {value!r}: give a whole number of pixels in {_LEAST_PX}..{_MOST_PX}")
+    return Shot(width, height, choice("camera", camera or parts.cameras[0], parts.cameras))
 
 
 class Screen:

@@ -17,7 +17,7 @@ from .core import Executor, NominalExecutor, OutcomeT, Page, PlanT, StepResult, 
 from .field import Field
 from .options import checked_action, checked_options, checked_seed, completed
 from .pixels import DEFAULT_ROWS, Pixels, Shown
-from .screen import Screen
+from .screen import FRAMES_PER_SECOND, Screen, checked_shot
 from .state import State, check, put, refuse_closed, refuse_unready, taken
 
 _ONE_ROW = np.zeros(1, np.int64)
@@ -48,6 +48,10 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             see ``docs/pixels.md``.
         pixel_rows: height of the pictures.
         depth: add a picture of the depth.
+        camera: from where pictures for people are taken, ``"machine"``, ``"overview"``, ``"tool"`` or, where the task
+            has it, ``"front"``; see ``Assembly.cameras``.
+        width: of pictures for people, in pixels; the height follows where it is not given.
+        height: likewise.
         **settings: keywords of the task's own, see ``Assembly.settings``.
 
     Raises:
@@ -69,6 +73,9 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         observation: str = "features",
         pixel_rows: int = DEFAULT_ROWS,
         depth: bool = False,
+        camera: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
         **settings: Any,
     ):
         """Put the parts together."""
@@ -83,7 +90,9 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self.backend, self.perception, self.scenario = backend, perception, parts.name_of(config.scenario)
         self.core: TaskCore[PlanT, OutcomeT] = parts.core(config, parts.perception_model(perception, config), 1)
         self.executor = self._driver(parts)
-        self.render_mode = render_mode
+        self.render_mode, self.shot = render_mode, checked_shot(parts, camera, width, height)
+        # One picture a decision, as Gymnasium's RecordVideo takes them, then plays as long as the episode took.
+        self.metadata = {**self.metadata, "render_fps": 1.0 / parts.mean_decision_s(self.scenario)}
         self._make_view, self._view, self._closed = parts.view, None, False
         self._pixels = self.drawer(self.shown) if self.shown.draws else None
         known = self.core.observation_space
@@ -92,7 +101,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         self._screen = Screen(f"{type(self).__name__} {self.scenario}")
         self._sensing = perception == "camera"
         self._on_frame: Callable[[NDArray[np.uint8]], None] | None = None
-        self._frames_per_second = float(self.metadata["render_fps"])
+        self._frames_per_second = FRAMES_PER_SECOND
         self._actions = np.zeros(1, np.int64)
         self._last: tuple[PlanT, StepResult] | None = None
         self._page: Page | None = None  # of a decision that nobody has asked about yet
@@ -144,6 +153,7 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
             if self._make_view is None:
                 raise ValueError(f"{type(self).__name__} draws nothing: its assembly has no view")
             self._view = self._make_view(self.core)
+            self._view.shot = self.shot
         return self._view
 
     @property
@@ -272,7 +282,9 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         refuse_unready(self._ready)
         return self.view.frame() if self.render_mode == "rgb_array" else None
 
-    def record(self, on_frame: Callable[[NDArray[np.uint8]], None] | None, frames_per_second: float = 20.0) -> None:
+    def record(
+        self, on_frame: Callable[[NDArray[np.uint8]], None] | None, frames_per_second: float = FRAMES_PER_SECOND
+    ) -> None:
         """Hand every decision's pictures to ``on_frame`` from now on; None ends it.
 
         Args:

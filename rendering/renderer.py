@@ -161,8 +161,9 @@ class Renderer:
         eye: ArrayLike,
         target: ArrayLike,
         shaded_about: ArrayLike,
+        up: ArrayLike = (0.0, 0.0, 1.0),
     ) -> NDArray[np.uint8]:
-        """A picture (h, w, 3) for people, z up: sky, four samples a pixel, shadows.
+        """A picture (h, w, 3) for people: sky, four samples a pixel, shadows.
 
         Args:
             things: what stands in the scene.
@@ -171,10 +172,11 @@ class Renderer:
             eye: (3,), metres.
             target: (3,), what is in the middle of the picture.
             shaded_about: (3,), the middle of what throws shadows.
+            up: (3,), direction of the picture's top.
         """
         meshes = self.library.meshes
         sun, sunlit = self._shadows(casters, np.asarray(shaded_about, np.float64))
-        view = view_of(camera, eye, target, (0.0, 0.0, 1.0))
+        view = view_of(camera, eye, target, up)
         # Twice the size each way; the four samples lie about the one that a camera's frame would take.
         view = view._replace(
             focal=2.0 * view.focal, centre_x=2.0 * view.centre_x + 0.5, centre_y=2.0 * view.centre_y + 0.5

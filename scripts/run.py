@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fieldgym.kernels.files import replaced
 from fieldgym.scripts import common
+from fieldgym.wrappers import FRAMES_PER_SECOND, MOST_SPEED, Filming, machine_of, require_writer, video_file
 
 if TYPE_CHECKING:
     import gymnasium as gym
     from rich.console import Console
 
     from fieldgym.agents import Policy
+    from fieldgym.scripts.film import Hand
 
-FRAMES_PER_SECOND = 30
-MOST_SPEED = 1000.0
 MOST_COLUMNS = 4
 
 
@@ -45,7 +45,13 @@ def main(
     video: Annotated[
         Path | None, typer.Option(metavar="FILE.mp4", help="Film the episodes; a frame takes about 0.1 s.")
     ] = None,
+    against: Annotated[
+        str | None, typer.Option(metavar="NAME|FILE", help="Film this policy beside it, on the same field.")
+    ] = None,
     speed: Annotated[float, typer.Option(help="Simulated seconds a second of video.")] = 8.0,
+    camera: Annotated[
+        str | None, typer.Option(help="Of the video: machine, overview, tool, and front where there is one.")
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Only the scorecard.")] = False,
 ) -> None:
     """Run episodes of one policy with a line for each decision and a scorecard at the end.
@@ -59,40 +65,59 @@ def main(
       fieldgym run LaserWeeding --policy ./mine.py:Mine --set process.power_w=150 --backend analytic
 
       fieldgym run SafflowerPicking --perception perfect --video picking.mp4
+
+      fieldgym run HoeWeeding --policy nearest --against learned --backend analytic --video hoes.mp4 --speed 1
     """
     from rich.console import Console
 
     from fieldgym.agents import reference_policy
     from fieldgym.benchmark.episode import POLICY_SEEDS
+    from fieldgym.scripts.film import film
 
     env_id = common.environment_id(env)
-    source = common.policy_of(env_id, policy or reference_policy(env_id), trust)
+    names = [policy or reference_policy(env_id), *([against] if against else [])]
+    sources = [common.policy_of(env_id, name, trust) for name in names]
     seeds = common.seeds_of(seed, episodes, fields, 1)
     if not 0.0 < speed <= MOST_SPEED:
         raise common.CommandError(f"--speed {speed}: give a positive factor up to {MOST_SPEED:g}, 1 is real time")
+    if video is None and (against or camera):
+        raise common.CommandError(
+            "--against and --camera are of films: give --video FILE.mp4, or see fieldgym evaluate"
+        )
     condition = common.condition_of(env_id, scenario, backend, perception, sets or (), fields)
     options: dict[str, Any] = {"backend": condition.backend, **condition.settings}
     files = common.fields_of(condition, seed)
     instances = [(seed, file) for file in files] or [(each, None) for each in seeds]
     if video is not None:
         _check_video(video)
-        options["render_mode"] = "rgb_array"
+        options |= {"render_mode": "rgb_array"} | ({"camera": camera} if camera else {})
     console = Console(highlight=False)
-    environment = _make(env_id, options)
-    title = f"{condition.title()}: {source.name}"
+    environments: list[gym.Env[Any, Any]] = []
+    title = f"{condition.title()}: {' and '.join(source.name for source in sources)}"
     scorecards = {}
     try:
-        with common.told_in_one_line(), _filming(environment, video, speed):
-            decider = source.make(environment, POLICY_SEEDS + seed)
+        with common.told_in_one_line(), _filming(video) as write:
+            environments += [_make(env_id, options) for _ in sources]
+            deciders = [
+                source.make(one, POLICY_SEEDS + seed) for source, one in zip(sources, environments, strict=True)
+            ]
+            tellers = [None if quiet else partial(_tell, console, each if against else "") for each in names]
             for number, file in instances:
-                name = f"seed {number}" if file is None else file.name
+                instance = f"seed {number}" if file is None else file.name
                 if not quiet:
-                    console.print(f"\n{title}, {name}", style="bold", markup=False)
+                    console.print(f"\n{title}, {instance}", style="bold", markup=False)
                     console.print("step  simulated   reward  decision", style="dim")
                 path = None if file is None else file.path
-                scorecards[name] = _episode(environment, decider, number, path, None if quiet else console)
+                plays = [
+                    partial(_episode, one, decider, number, path, told, FRAMES_PER_SECOND / speed)
+                    for one, decider, told in zip(environments, deciders, tellers, strict=True)
+                ]
+                cards = [plays[0](None)] if write is None else film(write, plays)
+                for source, card in zip(sources, cards, strict=True):
+                    scorecards[f"{source.name}, {instance}" if against else instance] = card
     finally:
-        environment.close()
+        for one in environments:
+            one.close()
     console.print(f"\n{title}", style="bold", markup=False)
     _print_scorecards(console, scorecards)
     if video is not None:
@@ -107,24 +132,39 @@ def _make(env_id: str, options: dict[str, Any]) -> gym.Env[Any, Any]:
 
 
 def _episode(
-    env: gym.Env[Any, Any], policy: Policy, seed: int, field: str | None, console: Console | None
+    env: gym.Env[Any, Any],
+    policy: Policy,
+    seed: int,
+    field: str | None,
+    tell: Callable[[str], None] | None,
+    frames_per_second: float,
+    hand: Hand | None,
 ) -> dict[str, float]:
-    """Play one episode and return its scorecard."""
+    """Play one episode, hand its frames over where somebody takes them, and return its scorecard."""
     from fieldgym.agents.rollout import begin, decisions
 
     observation, info = begin(env, seed, field)
+    filming = None
+    if hand is not None:
+        title = f"{machine_of(env)} | {policy.name}"
+        filming = Filming(env, hand, frames_per_second, title, info["scorecard"])
     for number, decision in enumerate(decisions(env, policy, observation), start=1):
         info = decision.info
-        if console is not None:
+        if filming is not None:
+            filming.took(info)
+        if tell is not None:
             now_s = float(info["scorecard"]["duration_s"])
             text = getattr(env.unwrapped, "describe_last_decision")()  # noqa: B009  not in gymnasium.Env
-            console.print(
-                f"{number:4d}  {now_s:7.1f} s  {decision.reward:+7.3f}  {text}",
-                markup=False,
-                overflow="ellipsis",
-                no_wrap=True,
-            )
+            tell(f"{number:4d}  {now_s:7.1f} s  {decision.reward:+7.3f}  {text}")
+    if filming is not None:
+        filming.end()
     return {name: float(value) for name, value in info["scorecard"].items()}
+
+
+def _tell(console: Console, who: str, line: str) -> None:
+    """A line about a decision, and whose it was where two decide."""
+    line = f"{who:<20}  {line}" if who else line
+    console.print(line, markup=False, overflow="ellipsis", no_wrap=True)
 
 
 def _check_video(path: Path) -> None:
@@ -132,29 +172,15 @@ def _check_video(path: Path) -> None:
     if path.suffix != ".mp4":
         raise common.CommandError(f"--video {path}: name a file that ends in .mp4")
     try:
-        import imageio.v2  # noqa: F401
-        import imageio_ffmpeg  # noqa: F401
-    except ImportError:
-        raise common.CommandError('--video needs imageio: pip install "fieldgym[bench]"') from None
+        require_writer()
+    except ImportError as error:
+        raise common.CommandError(str(error)) from None
     common.writable_folder(path.parent, "--video")
 
 
-@contextmanager
-def _filming(env: gym.Env[Any, Any], path: Path | None, speed: float) -> Iterator[None]:
-    """Write what the camera sees while the block runs; the file appears when it is whole."""
-    if path is None:
-        yield
-        return
-    import imageio.v2
-
-    record: Callable[..., None] = getattr(env.unwrapped, "record")  # noqa: B009
-    with replaced(path) as temporary:
-        writer = imageio.v2.get_writer(temporary, fps=FRAMES_PER_SECOND, macro_block_size=2)
-        try:
-            record(writer.append_data, FRAMES_PER_SECOND / speed)
-            yield
-        finally:
-            writer.close()
+def _filming(path: Path | None) -> AbstractContextManager[Hand | None]:
+    """What takes the frames of a film, None where none is asked for."""
+    return nullcontext() if path is None else video_file(path, FRAMES_PER_SECOND)
 
 
 def _print_scorecards(console: Console, scorecards: dict[str, dict[str, float]]) -> None:

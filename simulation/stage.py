@@ -15,6 +15,7 @@ from ..perception.frames import Camera, Frame
 from ..rendering.instances import Instances, joined
 from ..rendering.library import MeshLibrary
 from ..rendering.renderer import GroundLook, Look, Renderer
+from ..rendering.shots import MACHINE, Shot, Viewpoint
 
 SceneT = TypeVar("SceneT", bound="Scene")
 
@@ -137,7 +138,14 @@ class Stage:
         """
         return self._renderer.look(self.things(*groups), camera, eye, target, up, ground)
 
-    def picture(self, camera: Camera, eye: ArrayLike, target: ArrayLike, about: ArrayLike) -> NDArray[np.uint8]:
+    def picture(
+        self,
+        camera: Camera,
+        eye: ArrayLike,
+        target: ArrayLike,
+        about: ArrayLike,
+        up: ArrayLike = (0.0, 0.0, 1.0),
+    ) -> NDArray[np.uint8]:
         """A picture (h, w, 3) for people, with sky and with the shadows of what is about a place (3,)."""
         spectator = _SPECTATOR.get()
         if spectator is not None:
@@ -146,7 +154,7 @@ class Stage:
         things = self.things()
         if self._casters is None:
             self._casters = self.things(*(name for name in self._groups if name not in self._shadowless))
-        return self._renderer.picture(things, self._casters, camera, eye, target, about)
+        return self._renderer.picture(things, self._casters, camera, eye, target, about, up)
 
     def close(self) -> None:
         """Look no more; idempotent."""
@@ -162,9 +170,21 @@ class Scene:
 
     Attributes:
         stage: what is drawn.
+        usual_px: width and height of a picture for people that nobody has asked for in another size.
     """
 
     stage: Stage
+    usual_px: tuple[int, int] = (640, 480)
+
+    def viewpoint(self, camera: str) -> Viewpoint:
+        """Where a camera for people stands; a task's assembly names those that there are."""
+        raise NotImplementedError
+
+    def render(self, width: int | None = None, height: int | None = None, camera: str = MACHINE) -> NDArray[np.uint8]:
+        """Picture (height, width, 3) for people; of a size that is given by half the other half follows."""
+        size = Shot(width, height).sized(self.usual_px)
+        eye, middle, lit_about, view_rad, up = self.viewpoint(camera)
+        return self.stage.picture(Camera(*size, view_rad, 0.05, 16.0), eye, middle, lit_about, up)
 
     def another(self: SceneT) -> SceneT:
         """A scene with the same meshes, for another world."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,8 @@ from ..rendering.instances import Instances
 from ..rendering.library import MeshLibrary
 from ..simulation.stage import Spectator, Stage, watched
 
+T = TypeVar("T")
+"""What is seen: scenes, or pictures of them."""
 AHEAD = 12
 """Scenes that are worked out before they are shown."""
 
@@ -75,26 +77,26 @@ class Watching:
         self.looks[camera] = Look(camera, frame)
 
 
-class Reel:
-    """The scenes of one call, which runs in a thread of its own, a little ahead of whoever asks for them.
+class Reel(Generic[T]):
+    """What is seen of one call, which runs in a thread of its own, a little ahead of whoever asks for them.
 
     Only one reel of an environment may run at a time, and nobody else may touch the environment while it does.
     """
 
-    def __init__(self, act: Callable[[Callable[[Scene], None]], Any]):
+    def __init__(self, act: Callable[[Callable[[T], None]], Any]):
         """Begin.
 
         Args:
             act: does something and hands every scene of it to its argument; what it gives is the ``result``.
         """
-        self._scenes: queue.Queue[Scene | None] = queue.Queue(AHEAD)
+        self._scenes: queue.Queue[T | None] = queue.Queue(AHEAD)
         self._hurried, self._ended = threading.Event(), False
         self._result: Any = None
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._run, args=(act,), daemon=True, name="fieldgym reel")
         self._thread.start()
 
-    def next(self) -> Scene | None:
+    def next(self) -> T | None:
         """The next scene; None when there are no more."""
         if self._ended:
             return None
@@ -113,13 +115,13 @@ class Reel:
             raise self._error
         return self._result
 
-    def _run(self, act: Callable[[Callable[[Scene], None]], Any]) -> None:
+    def _run(self, act: Callable[[Callable[[T], None]], Any]) -> None:
         try:
             self._result = act(self._hand)
         except BaseException as error:  # told where the result is asked for
             self._error = error
         self._scenes.put(None)
 
-    def _hand(self, scene: Scene) -> None:
+    def _hand(self, scene: T) -> None:
         if not self._hurried.is_set():
             self._scenes.put(scene)

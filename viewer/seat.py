@@ -70,7 +70,7 @@ class Seat:
         self.layout = layout_of(env)
         self.belief: Belief | None = None
         self._inner: Any = env.unwrapped
-        self._reel: Reel | None = None
+        self._reel: Reel[Scene] | None = None
         self._rate, self._count = 30.0, 0
         self._began_s = 0.0
         self._action, self._by_hand = 0, False

@@ -13,6 +13,8 @@ from .core import PickerOutcome, SafflowerCore
 from .motors import within_motors
 from .state import PickerPlan
 
+DECISION_S = {"pots": 11.4, "row-sparse": 13, "row": 13.4, "row-dense": 13.7}
+"""Seconds that a decision takes on average, by scenario [30 episodes of the reference policy]."""
 PICKER: Assembly[Any] = Assembly(
     config=SafflowerConfig,
     scenarios=SCENARIOS,
@@ -21,6 +23,8 @@ PICKER: Assembly[Any] = Assembly(
     measured=lambda config: PerceptionModel.measured(config.scenario.camera_fit),
     machine=later("fieldgym.envs.safflower.machine:PyBulletPicker"),
     view=later("fieldgym.envs.safflower.view:PickerView"),
+    cameras=("machine", "overview", "tool", "front"),
+    decision_s=DECISION_S,
     belief=later("fieldgym.envs.safflower.belief:belief"),
     within_motors=within_motors,
     rates=later("fieldgym.envs.safflower.rates:rates_of"),

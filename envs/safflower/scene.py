@@ -12,6 +12,7 @@ from ...perception.frames import Camera, Frame
 from ...rendering.instances import Instances, about_z, instances, joined, upright_to
 from ...rendering.plants import spiny_leaf, tuft, whorl
 from ...rendering.shapes import Mesh, box, merged, surface_of_revolution, tube, turned
+from ...rendering.shots import Viewpoint
 from ...simulation.hose import Hose
 from ...simulation.looks import MachineLooks
 from ...simulation.picker_model import (
@@ -93,7 +94,7 @@ class PickerScene(Scene):
         self._plants, self._tufts = joined([]), joined([])
         self._standing = np.zeros(0, bool)
         self._potted = False
-        self._cart_x_m = 0.0
+        self._cart_x_m, self._tool_m = 0.0, np.zeros(3)
         self._platform = self._machine.links.index("platform")
 
     def load(self, field: Looks) -> None:
@@ -115,6 +116,7 @@ class PickerScene(Scene):
         parts, turn, shift = self._machine.place(joints)
         outlet = turn[self._platform] @ hose_outlet_m(self.parameters.five_bar) + shift[self._platform]
         inlet = np.array(HOSE_INLET_M) + np.array([cart_x_m, 0.0, 0.0])
+        self._tool_m = shift[self._platform]
         hose = self._hose.lay(outlet, (0.0, 0.0, 0.22), inlet, (0.14, 0.0, 0.0))
         self.stage.put("machine", joined([parts, hose]))
         self.set_cart(cart_x_m)
@@ -148,11 +150,18 @@ class PickerScene(Scene):
         down = eye - np.array([0.0, 0.0, 1.0])
         return self.stage.look(camera, eye, down, (0.0, 1.0, 0.0), "ground", "plants", "tufts")
 
-    def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
-        """Picture (height, width, 3) of machine and plants from beside the row."""
-        camera = Camera(width, height, np.deg2rad(38.0), 0.1, 12.0)
-        middle = np.array([self._cart_x_m + 0.08, 0.0, 0.5 * self.parameters.motor_height_m + 0.18])
-        return self.stage.picture(camera, middle + np.array([0.62, -2.15, 0.80]), middle, middle)
+    def viewpoint(self, camera: str) -> Viewpoint:
+        """From beside the row; from farther; at the tool; from the machine's own camera, straight down."""
+        p = self.parameters
+        middle = np.array([self._cart_x_m + 0.08, 0.0, 0.5 * p.motor_height_m + 0.18])
+        if camera == "overview":
+            return Viewpoint(middle + np.array([1.25, -2.90, 1.55]), middle, middle, np.deg2rad(38.0))
+        if camera == "tool":
+            return Viewpoint(self._tool_m + np.array([0.24, -0.62, 0.26]), self._tool_m, middle, np.deg2rad(38.0))
+        if camera == "front":
+            eye = np.array([self._cart_x_m + p.camera_ahead_m, 0.0, p.motor_height_m + p.camera_above_motors_m])
+            return Viewpoint(eye, eye - np.array([0.0, 0.0, 1.0]), middle, self._eye.field_of_view_rad, (0.0, 1.0, 0.0))
+        return Viewpoint(middle + np.array([0.62, -2.15, 0.80]), middle, middle, np.deg2rad(38.0))
 
     def _show_field(self) -> None:
         """Show the stretch of the field that the machine is in."""

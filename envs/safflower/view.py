@@ -78,7 +78,7 @@ class PickerView(View[PickerPlan]):
     def frame(self) -> NDArray[np.uint8]:
         """Picture of the present state."""
         self._follow()
-        return self._scene.render()
+        return self._scene.render(*self.shot)
 
     def frames(self, plan: PickerPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
         """Pictures of a decision: it stands and locates, moves, stands and cuts; a still machine is drawn once."""
@@ -102,7 +102,7 @@ class PickerView(View[PickerPlan]):
 
     def _draw(self, pose: Array) -> NDArray[np.uint8]:
         self._scene.set_machine(float(pose[0]), pose[1:])
-        return self._scene.render()
+        return self._scene.render(*self.shot)
 
     def _follow(self) -> None:
         """Bring the scene to the rules' state."""

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...motion.orientation import LEVEL, axes, from_euler, product
 from ...perception.frames import Camera, Frame
 from ...rendering.instances import Instances, instances, joined
 from ...rendering.library import MeshLibrary
 from ...rendering.shapes import Mesh, box, ellipsoid, merged, rotation_z, turned
+from ...rendering.shots import Viewpoint
 from ...simulation.prrs_looks import PrrsLooks
 from ...simulation.prrs_model import GANTRY_LEVEL_M
 from ...simulation.stage import Scene, Stage
@@ -92,6 +93,7 @@ class SorterScene(Scene):
         turns = axes(np.stack([product(turn, half_turn) for half_turn in (LEVEL, np.array([0.0, 0.0, 0.0, 1.0]))]))
         pads = centre[:3] + turns @ np.array([0.0, gap_m, -sorter.tool_m]) + [0.0, 0.0, sorter.origin_height_m]
         self.stage.put("pads", instances(self._pad, pads, turns, DARK))
+        self._tool_m = pads.mean(axis=0)
 
     def set_belt(self, travel_m: float) -> None:
         """Show the belt after it has run ``travel_m``."""
@@ -126,11 +128,15 @@ class SorterScene(Scene):
         down = eye - np.array([0.0, 0.0, 1.0])
         return self.stage.look(self.sight_camera(rows), eye, down, (0.0, 1.0, 0.0), "cell", "ribs", "items")
 
-    def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
-        """Picture (height, width, 3) of the cell from beside the belt."""
-        camera = Camera(width, height, np.deg2rad(41.0), 0.1, 12.0)
-        middle = np.array([-0.10, 0.0, self._top + 0.23])
-        return self.stage.picture(camera, middle + np.array([0.72, -1.15, 0.72]), middle, (-0.1, 0.0, self._top))
+    def viewpoint(self, camera: str) -> Viewpoint:
+        """From beside the belt; from farther; at the gripper."""
+        middle, lit_about = np.array([-0.10, 0.0, self._top + 0.23]), np.array([-0.1, 0.0, self._top])
+        if camera == "overview":
+            return Viewpoint(middle + np.array([1.30, -2.00, 1.20]), middle, lit_about, np.deg2rad(41.0))
+        if camera == "tool":
+            eye = self._tool_m + np.array([0.26, -0.42, 0.22])
+            return Viewpoint(eye, self._tool_m, lit_about, np.deg2rad(41.0))
+        return Viewpoint(middle + np.array([0.72, -1.15, 0.72]), middle, lit_about, np.deg2rad(41.0))
 
     def _build(self, library: MeshLibrary, belt: BeltConfig, origin_m: float) -> Instances:
         """Belt, gantry, camera, floor and bins; adds the meshes of ribs and pads, which move."""

@@ -213,7 +213,7 @@ class SorterView(View[SorterPlan]):
         scene.set_belt(self._config.belt.speed_m_s * time_s)
         scene.set_items(items)
         scene.set_machine(way.poses()[row], gap_m)
-        return scene.render()
+        return scene.render(*self.shot)
 
     def _grasp(self, item: int, time_s: float, way: Way) -> tuple[Array, Array]:
         """Where an item lies in the frame of the platform at a moment: offset (3,) and quaternion (4,)."""

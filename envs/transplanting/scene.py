@@ -14,6 +14,7 @@ from ...rendering.instances import Instances, from_quaternion, instances, joined
 from ...rendering.library import MeshLibrary
 from ...rendering.plants import whorl
 from ...rendering.shapes import Mesh, box, flat_shaded, merged, surface_of_revolution, tube, turned
+from ...rendering.shots import MACHINE, Viewpoint
 from ...simulation.looks import MachineLooks
 from ...simulation.stage import Scene, Stage
 from ...simulation.transplanter_model import (
@@ -170,8 +171,8 @@ class TrayScene(Scene):
         self.stage.put("row", joined([]))
         return frame
 
-    def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
-        """Picture (height, width, 3) of machine and trays, from behind the outgoing rows."""
+    def render(self, width: int | None = None, height: int | None = None, camera: str = MACHINE) -> NDArray[np.uint8]:
+        """Picture (height, width, 3) of machine and trays."""
         if self._stale:
             sides = [
                 self._laid(side, self._travel_m[side], -_INFEED_M - _HOOD_VIEW_M, _OUTFEED_M) for side in self._lines
@@ -184,9 +185,16 @@ class TrayScene(Scene):
                 held.append(self._planted(top[None], np.array([content]), np.array([look]), np.array([-1])))
             self.stage.put("held", joined(held))
             self._stale = False
-        camera = Camera(width, height, np.deg2rad(40.0), 0.1, 12.0)
-        middle = np.array([-0.02, 0.0, 1.18])
-        return self.stage.picture(camera, np.array([1.45, 0.80, 1.95]), middle, np.array([0.1, 0.0, TRAY_TOP_M]))
+        return super().render(width, height, camera)
+
+    def viewpoint(self, camera: str) -> Viewpoint:
+        """From behind the outgoing rows; from farther; at the gripper."""
+        middle, lit_about = np.array([-0.02, 0.0, 1.18]), np.array([0.1, 0.0, TRAY_TOP_M])
+        if camera == "overview":
+            return Viewpoint(np.array([2.35, 1.35, 2.65]), middle, lit_about, np.deg2rad(40.0))
+        if camera == "tool":
+            return Viewpoint(self._tip_m + np.array([0.50, 0.26, 0.26]), self._tip_m, lit_about, np.deg2rad(40.0))
+        return Viewpoint(np.array([1.45, 0.80, 1.95]), middle, lit_about, np.deg2rad(40.0))
 
     def _laid(self, side: Side, travel_m: float, low_m: float, high_m: float) -> Instances:
         """What lies on a conveyor between two places along it."""

@@ -92,7 +92,7 @@ class TransplantView(View[TransplantPlan]):
     def frame(self) -> NDArray[np.uint8]:
         """Picture of the present state."""
         self._follow()
-        return self._scene.render()
+        return self._scene.render(*self.shot)
 
     def frames(self, plan: TransplantPlan, result: StepResult, frames_per_second: float) -> Iterator[NDArray[np.uint8]]:
         """Pictures of the decision that was just carried out, on a clock that runs on from one to the next."""
@@ -121,7 +121,7 @@ class TransplantView(View[TransplantPlan]):
 
     def _draw(self, tool: Array, opening: float, held: tuple[int, float] | None) -> NDArray[np.uint8]:
         self._scene.set_tool(tool, opening, held)
-        return self._scene.render()
+        return self._scene.render(*self.shot)
 
     def _grip(self, move: Move, clock: _Clock, held: tuple[int, float] | None) -> Iterator[NDArray[np.uint8]]:
         """Stand at a move's end while the gripper works; what it then holds is the generator's value."""

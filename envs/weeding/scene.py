@@ -9,6 +9,7 @@ from ...perception.frames import Camera, Frame
 from ...rendering.instances import Instances, about_z, instances, joined
 from ...rendering.renderer import GroundLook
 from ...rendering.shapes import box, frustum, surface_of_revolution
+from ...rendering.shots import MACHINE, Viewpoint
 from ...simulation.stage import Scene, Stage
 from ..core import Array
 from .config import FieldTask
@@ -42,7 +43,10 @@ class FieldScene(Scene):
             weeds), ``soil`` (clods, stones, moss), ``ground``, and what tools add. Cameras see plants and soil.
         front: the camera in front of the cart.
         eye_m: its height.
+        tool_m: (3,), where the machine's tool works.
     """
+
+    usual_px = 720, 480
 
     mark_radius_m, mark_colour = 0.008, SCORCHED
     """Of the spots that the tool leaves on the ground."""
@@ -51,6 +55,8 @@ class FieldScene(Scene):
     side_middle_m = 0.50
     side_view_rad = np.deg2rad(36.0)
     """How much they see from top to bottom."""
+    far_eye_m, far_middle_m = (1.25, -2.60, 1.40), 0.35
+    """The same of the whole cart."""
 
     def __init__(self, config: FieldTask, camera_height_m: float):
         """Add the meshes of field and camera."""
@@ -82,6 +88,7 @@ class FieldScene(Scene):
         self._plants: Instances = joined([])
         self._cart_m, self._planted_m = 0.0, np.inf
         self._strip = 0
+        self.tool_m = np.zeros(3)
 
     def load(
         self,
@@ -132,12 +139,25 @@ class FieldScene(Scene):
         ground = self._ground(camera, eye)
         return self.stage.look(camera, eye, down, (0.0, 1.0, 0.0), "plants", "soil", ground=ground)
 
-    def render(self, width: int = 720, height: int = 480) -> NDArray[np.uint8]:
-        """Picture (height, width, 3) of machine and field from beside the row."""
+    def render(self, width: int | None = None, height: int | None = None, camera: str = MACHINE) -> NDArray[np.uint8]:
+        """Picture (height, width, 3) of machine and field."""
         self.plant_around(self._cart_m)
+        return super().render(width, height, camera)
+
+    def viewpoint(self, camera: str) -> Viewpoint:
+        """From where the tool is seen best; from beside the row and farther; at the tool; from the front camera."""
         middle = np.array([self._cart_m + 0.02, 0.0, self.side_middle_m])
-        eye = middle + np.array(self.side_eye_m)
-        return self.stage.picture(Camera(width, height, self.side_view_rad, 0.1, 14.0), eye, middle, self._lit_about)
+        if camera == "overview":
+            far = np.array([self._cart_m + 0.15, 0.0, self.far_middle_m])
+            return Viewpoint(far + np.array(self.far_eye_m), far, self._lit_about, np.deg2rad(38.0))
+        if camera == "tool":
+            eye = self.tool_m + np.array([-0.26, -0.34, 0.26])
+            return Viewpoint(eye, self.tool_m, self._lit_about, np.deg2rad(40.0))
+        if camera == "front":
+            eye = np.array([self._cart_m + self.config.cart.camera_ahead_m, 0.0, self.eye_m])
+            down = eye - np.array([0.0, 0.0, 1.0])
+            return Viewpoint(eye, down, self._lit_about, self.front.field_of_view_rad, (1.0, 0.0, 0.0))
+        return Viewpoint(middle + np.array(self.side_eye_m), middle, self._lit_about, float(self.side_view_rad))
 
     def close_up(self, place: Array, width: int = 224, height: int = 168) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of what happens at a place (2,) on the ground, from behind it."""

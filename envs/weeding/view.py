@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...perception.weeds import Seedlings, WeedTracker, detect
+from ...rendering.shots import MACHINE
 from ..core import Array, Sight, StepResult, View
 from ..pixels import on_picture
 from .core import WeedingCore
@@ -36,6 +37,8 @@ _SETTLE_S = 0.12
 """Pictures of a decision show what it did to plants in its last moment."""
 _INSET_PX = 224, 168
 """Size of the small pictures beside the large one."""
+_INSETS_FROM_PX = 640, 368
+"""A picture holds small ones, and a line of figures, from this size on."""
 
 
 class FrontCamera:
@@ -243,7 +246,10 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
         exists, end = core.plant_exists[0, : core.weeds_end], core.weeds_end
         self._stage.set_dead(self._shown_dead[:end][exists], self._shown_dead[end:], self._marks)
         show(self._stage)
-        picture = self._stage.render()
+        picture = self._stage.render(*self.shot)
+        high, wide, _ = picture.shape
+        if self.shot.camera != MACHINE or wide < _INSETS_FROM_PX[0] or high < _INSETS_FROM_PX[1]:
+            return picture
         insets = []
         if self._front is not None and self._front.last is not None:
             insets.append(("front camera", boxed(*self._front.last)))

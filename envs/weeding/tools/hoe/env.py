@@ -24,6 +24,16 @@ def hoe_core(config: HoeWeedingConfig, perception: PerceptionModel | None, world
     return WeedingCore(config, arm, HoeProcess(config.process), perception, worlds)
 
 
+DECISION_S = {
+    "load-0.7": 0.22,
+    "load-1.0": 0.28,
+    "load-1.25": 0.34,
+    "load-1.6": 0.4,
+    "load-1.0-even": 0.5,
+    "load-1.6-even": 0.7,
+    "dense": 0.28,
+}
+"""Seconds that a decision takes on average, by scenario [30 episodes of the reference policy]."""
 HOE: Assembly[Any] = Assembly(
     config=HoeWeedingConfig,
     scenarios=SCENARIOS,
@@ -32,6 +42,8 @@ HOE: Assembly[Any] = Assembly(
     measured=lambda config: uncorrected(PerceptionModel.measured()),
     machine=later("fieldgym.envs.weeding.tools.hoe.machine:PyBulletHoe"),
     view=later("fieldgym.envs.weeding.tools.hoe.view:HoeView"),
+    cameras=("machine", "overview", "tool", "front"),
+    decision_s=DECISION_S,
     belief=later("fieldgym.envs.weeding.belief:belief"),
     within_motors=within_motors,
     rates=later("fieldgym.envs.weeding.tools.hoe.rates:rates_of"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .....motion.orientation import axes, from_euler
 from .....simulation.hoe_model import HoeParameters
 from .....simulation.prrs_looks import PrrsLooks
 from ....core import Array
@@ -32,6 +33,9 @@ class HoeScene(FieldScene):
         """Put the machine at a cart position and a pose of the mechanism."""
         self._cart_m = cart_m
         self.stage.put("machine", self._machine.place(pose, cart_m))
+        centre, parameters = np.asarray(pose, np.float64), self._machine.parameters
+        tip = centre[:3] - parameters.tool_m * axes(from_euler(centre[3:]))[:, 2]
+        self.tool_m = np.array([cart_m + tip[0], tip[1], 0.05])
         self.show_front_frustum(cart_m)
 
     def dead_looks(self, at: Array, turn: Array) -> tuple[Array, Array, Rgba]:

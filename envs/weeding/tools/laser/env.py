@@ -25,6 +25,16 @@ def laser_core(config: WeedingConfig, perception: PerceptionModel | None, worlds
     return WeedingCore(config, arm, LaserProcess(config.process), perception, worlds)
 
 
+DECISION_S = {
+    "load-0.7": 0.22,
+    "load-1.0": 0.32,
+    "load-1.25": 0.42,
+    "load-1.6": 0.49,
+    "load-1.0-even": 0.5,
+    "load-1.6-even": 0.59,
+    "dense": 0.31,
+}
+"""Seconds that a decision takes on average, by scenario [30 episodes of the reference policy]."""
 LASER: Assembly[Any] = Assembly(
     config=WeedingConfig,
     scenarios=SCENARIOS,
@@ -33,6 +43,8 @@ LASER: Assembly[Any] = Assembly(
     measured=lambda config: PerceptionModel.measured(),
     machine=later("fieldgym.envs.weeding.tools.laser.machine:PyBulletWeeder"),
     view=later("fieldgym.envs.weeding.tools.laser.view:WeederView"),
+    cameras=("machine", "overview", "tool", "front"),
+    decision_s=DECISION_S,
     belief=later("fieldgym.envs.weeding.belief:belief"),
     within_motors=within_motors,
     rates=later("fieldgym.envs.weeding.tools.laser.rates:rates_of"),

@@ -30,6 +30,7 @@ class WeederScene(FieldScene):
     side_eye_m = (-0.98, -0.36, 0.42)
     side_middle_m = 0.39
     side_view_rad = np.deg2rad(60.0)
+    far_eye_m, far_middle_m = (2.10, -4.00, 1.75), 0.75
 
     def __init__(self, config: WeedingConfig, parameters: WeederParameters):
         """Add the meshes of everything."""
@@ -53,10 +54,11 @@ class WeederScene(FieldScene):
         top, ray = shift[self._platform], turn[self._platform, :, 2]
         self.stage.put("machine", parts)
         shown = [instances(self._tool_frustum, top, upright_to(-ray), TOOL_SIGHT)]
+        met = top + (self._reach.target_height_m - top[2]) / ray[2] * ray
+        self.tool_m = np.array([met[0], met[1], 0.03])
         if beam_on:
             along = upright_to(ray)
             shown.append(instances(self._beam, top + (_HEAD_M + 0.5 * _BEAM_M) * ray, along, BEAM))
-            met = top + (self._reach.target_height_m - top[2]) / ray[2] * ray
             shown.append(instances(self._spot, (met[0], met[1], 0.006), along, GLOW))
         self.stage.put("beam", joined(shown), shadow=False)
 
