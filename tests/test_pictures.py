@@ -168,7 +168,7 @@ def test_the_wrapper_writes_a_whole_file_an_episode(tmp_path: Path):
 
 def test_the_wrapper_refuses_what_it_cannot_record(tmp_path: Path):
     env = made(HOE)
-    with pytest.raises(ValueError, match="fps = 0: give 1..240"):
+    with pytest.raises(ValueError, match=r"fps = 0: give 1\.\.240"):
         RecordField(env, tmp_path, fps=0)
     with pytest.raises(ValueError, match=r"speed = 0.0: give a positive"):
         RecordField(env, tmp_path, speed=0.0)
