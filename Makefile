@@ -4,6 +4,9 @@
 # make test-portable  those of them that may differ from one Python to another
 # make test-slow   those that take more than a few seconds each
 # make lint        ruff and pyright
+# make docs        the documentation's site in docs/_build/html; warnings are errors
+# make docs-serve  the same, served at http://127.0.0.1:8000
+# make linkcheck   ask every external link of the site; needs the network
 # make pythons     which Pythons this machine has for it, the preferred one first
 # make clean       delete what the other targets made, the results and the user's cache folder excepted
 #
@@ -23,11 +26,13 @@ unexport VIRTUAL_ENV
 unexport CONDA_PREFIX
 
 BIN := $(VENV)/bin
+SITE := docs/_build/html
+SITED := $(VENV)/.fieldgym-docs
 INPUTS := pyproject.toml constraints.txt Makefile
 CORE := $(VENV)/.fieldgym-core
 FULL := $(VENV)/.fieldgym-$(EXTRAS)
 
-.PHONY: benchmark leaderboard test test-portable test-slow lint setup pythons clean
+.PHONY: benchmark leaderboard test test-portable test-slow lint docs docs-serve linkcheck setup pythons clean
 .DEFAULT_GOAL := benchmark
 
 benchmark: $(CORE)
@@ -52,6 +57,16 @@ lint: $(FULL)
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
+docs: $(SITED)
+	$(BIN)/python -m sphinx -W --keep-going -b html docs $(SITE)
+	@echo "The site: $(SITE)/index.html"
+
+docs-serve: docs
+	$(BIN)/python -m http.server --bind 127.0.0.1 --directory $(SITE) 8000
+
+linkcheck: $(SITED)
+	$(BIN)/python -m sphinx -b linkcheck docs docs/_build/linkcheck
+
 setup: $(FULL)
 
 $(CORE): $(INPUTS) | $(BIN)/python
@@ -66,6 +81,12 @@ $(CORE): $(INPUTS) | $(BIN)/python
 
 $(FULL): $(CORE)
 	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable ".[$(EXTRAS)]"
+	@touch $@
+
+$(SITED): $(CORE)
+	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo "The site needs Python 3.11 or later: make docs VENV=/tmp/venv PYTHON=/path/to/python3.11" >&2; exit 1; }
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable ".[docs]"
 	@touch $@
 
 # One Python of each version that can make environments, the one that is used first: on the path, or pyenv's.
@@ -95,4 +116,6 @@ $(BIN)/python:
 
 clean:
 	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf docs/_build docs/made docs/environments docs/reproduction
+	rm -f docs/changelog.md docs/contributing.md docs/security.md
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

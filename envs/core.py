@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -12,6 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..rendering.shots import Shot
+from .columns import Says, documented
 from .field import Field, FieldError
 
 Array = NDArray[np.float64]
@@ -91,6 +93,8 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
         machine_features: what policies are shown of the machine.
         candidate_features: what policies are shown of each candidate; the first says whether the slot is taken.
         field_type: what a field of this task is.
+        blocks: what declares the names of its ``machine``, ``candidates``, ``rewards``, ``phases`` and ``scores``, see
+            ``columns``; none where a task does not say what they mean.
     """
 
     config: Any
@@ -100,6 +104,7 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     machine_features: tuple[str, ...]
     candidate_features: tuple[str, ...]
     field_type: type[Field]
+    blocks: Mapping[str, type[Any]] = MappingProxyType({})
     observation_space: spaces.Dict
     action_space: spaces.Discrete
 
@@ -129,6 +134,10 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     def world(self, row: int) -> TaskCore[PlanT, OutcomeT]:
         """The world ``row`` as rules of one world, see ``part``."""
         return self.part(slice(row, row + 1))
+
+    def meanings(self) -> dict[str, Mapping[str, Says]]:
+        """What each number means by its name, block by block, see ``blocks``."""
+        return {name: documented(block) for name, block in self.blocks.items()}
 
     def blank(self) -> Page:
         """A page to be written."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +47,9 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
     machine_features = names(Machine)
     candidate_features = names(Candidate)
     field_type = SafflowerField
+    blocks = MappingProxyType(
+        {"machine": Machine, "candidates": Candidate, "rewards": Rewards, "phases": Phases, "scores": Scores}
+    )
     deciding, showing = staticmethod(decide_worlds), staticmethod(show_worlds)
 
     def __init__(self, config: SafflowerConfig, perception: PerceptionModel | None, worlds: int = 1):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import pi
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,6 +49,9 @@ class SortingCore(KernelCore[SorterPlan, SorterOutcome]):
     machine_features = names(Machine)
     candidate_features = names(Candidate)
     field_type = ProduceField
+    blocks = MappingProxyType(
+        {"machine": Machine, "candidates": Candidate, "rewards": Rewards, "phases": Phases, "scores": Scores}
+    )
     deciding, showing = staticmethod(decide_worlds), staticmethod(show_worlds)
 
     def __init__(self, config: SortingConfig, perception: PerceptionModel | None, worlds: int = 1):

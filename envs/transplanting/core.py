@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,6 +74,9 @@ class TransplantingCore(KernelCore[TransplantPlan, TransplantOutcome]):
     machine_features = names(Machine)
     candidate_features = names(Candidate)
     field_type = TrayField
+    blocks = MappingProxyType(
+        {"machine": Machine, "candidates": Candidate, "rewards": Rewards, "phases": Phases, "scores": Scores}
+    )
     deciding, showing = staticmethod(decide_worlds), staticmethod(show_worlds)
 
     def __init__(self, config: TransplantingConfig, perception: PerceptionModel | None, worlds: int = 1):

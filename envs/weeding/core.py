@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ..columns import names
+from ..columns import Says, documented, names
 from ..core import Array, Rows, StepResult, observation_space, outside
 from ..dice import draw_blocks
 from ..field import Camera
@@ -54,6 +55,7 @@ class WeedingCore(KernelCore[WeederPlan, WeederOutcome]):
     machine_features = names(Machine)
     candidate_features = names(Candidate)
     field_type = WeedField
+    blocks = MappingProxyType({"machine": Machine, "candidates": Candidate, "rewards": Rewards})
     deciding, showing = staticmethod(decide_worlds), staticmethod(show_worlds)
 
     def __init__(
@@ -68,7 +70,7 @@ class WeedingCore(KernelCore[WeederPlan, WeederOutcome]):
         super().__init__(worlds)
         self.config, self.machine, self.process, self.perception = config, machine, process, perception
         scenario, k = config.scenario, config.slots
-        self.phase_names = (*names(Moving), *process.phases, "pause")
+        self.phase_names = (*names(Moving), *names(process.phases), "pause")
         self.score_names = (*names(Common), *(f"phase_{name}_s" for name in self.phase_names), *names(Own))
         self.base_actions = MODES * k + 1
         actions = (BLOCKS if config.speed_control else 1) * self.base_actions
@@ -88,6 +90,14 @@ class WeedingCore(KernelCore[WeederPlan, WeederOutcome]):
         self.plant_look = np.zeros((b, plants))
         self.ground_look = np.zeros(b)
         self.episode = np.zeros(b, np.int64)
+
+    def meanings(self) -> dict[str, Mapping[str, Says]]:
+        """What each number means; phases are those of the tool too, and stand among the scores."""
+        last = {"pause": Says("s", "waiting a moment, and what an illegal action costs")}
+        phases = {**documented(Moving), **documented(self.process.phases), **last}
+        spent = {f"phase_{name}_s": says for name, says in phases.items()}
+        scores = {**documented(Common), **spent, **documented(Own)}
+        return super().meanings() | {"phases": phases, "scores": scores}
 
     @cached_property
     def camera(self) -> Camera | None:

@@ -24,8 +24,8 @@ class WeedingProcess(Protocol):
         ...
 
     @property
-    def phases(self) -> tuple[str, ...]:
-        """Names of the phases on the target."""
+    def phases(self) -> type[Any]:
+        """Declares the phases on the target."""
         ...
 
     @property
@@ -34,7 +34,7 @@ class WeedingProcess(Protocol):
         ...
 
     work_s: Array
-    """Seconds (M, len(phases)) of each phase by mode."""
+    """Seconds (M, phases) of each phase by mode."""
     energy_j: Array
     """Energy (M,) by mode."""
 

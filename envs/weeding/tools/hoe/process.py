@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from .....kernels import bind, compiled
 from .....kernels.config import Config, num
 from .....motion import QUINTIC
-from ....columns import Says, names, numbered
+from ....columns import Says, numbered
 from ....core import Array
 from ...response import Response
 
@@ -213,7 +213,7 @@ class HoeProcess:
     """The hoe as a weeding process (``process.WeedingProcess``): plunge, one turn, lift. There is no tool camera."""
 
     modes = INTENSITIES
-    phases = names(Stirring)
+    phases = Stirring
 
     def __init__(self, config: HoeProcessConfig):
         """Tabulate by intensity."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from .....kernels import bind, compiled
 from .....kernels.config import Config, num
-from ....columns import Says, names, numbered
+from ....columns import Says, numbered
 from ...response import Response
 
 EXPECTED_OVERLAP = 0.7
@@ -116,7 +116,7 @@ class LaserProcess:
     """The laser as a weeding process (see ``WeedingProcess``): a correction of the aim, then the burn."""
 
     modes = DOSES
-    phases = names(Burning)
+    phases = Burning
 
     def __init__(self, config: ProcessConfig):
         """Tabulate by dose level."""
