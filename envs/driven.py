@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..mechanisms.errors import UnreachablePoseError
 from ..simulation.machine import START_TOLERANCE_M, LostMachineError
-from .core import OutcomeT, PlanT, Rows
+from .core import Array, OutcomeT, PlanT, Rows
 
 RECOVERY_S = 5.0
 """What a fault costs [assumed]."""
@@ -31,6 +31,8 @@ class Driven(Generic[PlanT, OutcomeT]):
 
     fault = ""
     _lost = False
+    _off: Any = 0.0
+    """What the machine is off from where the rules say it stands, because its drives err."""
     _machine: Any
     """A ``LoopMachine``."""
 
@@ -43,14 +45,14 @@ class Driven(Generic[PlanT, OutcomeT]):
         """Put the machine where the rules say it stands, and forget its faults."""
         self._lost, self.fault = False, ""
         if len(rows):
-            self.place()
+            self._put()
 
     def execute(self, plan: PlanT) -> OutcomeT:
         """Carry a plan out, whatever the machine does."""
         lost, self._lost, self.fault = self._lost, False, ""
         try:
             if lost:
-                self.place()
+                self._put()
             return self.drive(plan)
         except UnreachablePoseError as error:
             self._give_up(f"the way leaves the machine's limits: {error.limit} by {-error.margin:.3g}")
@@ -81,6 +83,21 @@ class Driven(Generic[PlanT, OutcomeT]):
         weak = ", ".join(self._machine.motors_at(saturated)) or "none"
         self._give_up(f"the tool stopped {1e3 * error_m:.1f} mm from where it was sent; motors at their limits: {weak}")
         return False
+
+    def erring(self, way: Array, share: Array, error: Array) -> Array:
+        """Where drives that err lead the tool on a way (n, k): from where it stands to where it comes to rest.
+
+        Args:
+            way: commanded.
+            share: (n,) of the way that has been gone, 0 at its beginning.
+            error: (k,), what the tool is off by at its end.
+        """
+        before, self._off = self._off, error
+        return way + before + share[:, None] * (error - before)
+
+    def _put(self) -> None:
+        self._off = 0.0
+        self.place()
 
     def _give_up(self, reason: str) -> None:
         self._lost, self.fault = True, self.fault or reason

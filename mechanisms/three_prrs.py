@@ -178,6 +178,10 @@ class ThreePRRS:
             solution.iterations.reshape(shape),
         )
 
+    def pose_error(self, pose: ArrayLike, joint_error: ArrayLike) -> Array:
+        """What poses (..., 6) are off by when joints are by ``joint_error`` (..., 6); NaN where no pose has them."""
+        return self.forward(self.inverse(pose) + as_points(joint_error, 6, "joint_error"), pose).pose - np.asarray(pose)
+
     @property
     def home_pose(self) -> Array:
         """Level, on the axis, sliders at half stroke; shape (6,)."""

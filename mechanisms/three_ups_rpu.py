@@ -180,6 +180,14 @@ class ThreeUPSRPU:
         goal, seed = np.broadcast_arrays(as_points(lengths, 4, "lengths"), as_points(seed_pose, 4, "seed_pose"))
         return forward_by_continuation(partial(geometry.lengths_and_map, self.attachments), goal, seed)
 
+    def pose_error(self, pose: ArrayLike, length_error: ArrayLike) -> Array:
+        """What poses (..., 4) are off by when the legs' lengths are by ``length_error`` (..., 4) metres.
+
+        NaN where no pose near the commanded one has such legs.
+        """
+        poses = as_points(pose, 4, "pose")
+        return self.forward(self.inverse(poses) + as_points(length_error, 4, "length_error"), poses).pose - poses
+
     def chains(self, pose: ArrayLike) -> ThreeUPSRPUChains:
         """Joint positions, leg lengths and leg directions at poses (..., 4)."""
         return geometry.pose_chains(self.attachments, as_points(pose, 4, "pose"))

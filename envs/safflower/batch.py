@@ -68,11 +68,12 @@ class Tracks(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Fields of R worlds; ``tracks`` is None where a camera still has to look."""
+    """Fields of R worlds; ``tracks`` is None where a camera still has to look, ``luck`` (R, J) where no drive errs."""
 
     heads: Heads
     plants: Plants
     tracks: Tracks | None
+    luck: Array | None = None
 
 
 def stop_centres(scenario: ScenarioConfig) -> Array:
@@ -156,7 +157,7 @@ def unstack(batch: Batch, perception: PerceptionModel | None) -> list[SafflowerF
 
 
 def _field(batch: Batch, row: int, camera: Camera | None) -> SafflowerField:
-    heads, plants, tracks = batch
+    heads, plants, tracks, _ = batch
     slot, count = np.flatnonzero(heads.exists[row]), int(plants.count[row])
     names = ("stage", "mass_g", "size_m", "occluded", "cut_luck", "drop_luck", "plant")
     reports = None

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from ...kernels.elementary import exp
 from ..columns import names
 from ..core import Array, Rows, StepResult, observation_space, outside
-from ..kernel_core import KernelCore
+from ..drives import Servos
+from ..erring import ErringCore
 from .batch import Batch, Tracks, stack, unstack
 from .config import EFFORTS, STAGES, PerceptionModel, SafflowerConfig
 from .drawing import draw_batch, reach_table
+from .errors import JOINTS, tool_error
 from .features import ACROSS_SCALE_M, HEIGHT_SCALE_M, LIMIT, SIZE_SCALE_M, C, Candidate, Machine
 from .field import SafflowerField
 from .filling import completed, row_limits_m
@@ -32,7 +34,7 @@ class PickerOutcome(NamedTuple):
     tool: Array
 
 
-class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
+class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
     """Batched picking task. An action is ``slot * 3 + effort``; the last action drives on.
 
     Args:
@@ -61,6 +63,7 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
         self.observation_space = observation_space(self, k, DRIVE * k + 1, LIMIT)
         self.tables = tables_of(config, perception is None)
         self.state = empty_worlds(config, worlds)
+        self._drive(Servos.of(config.scenario.drives, *JOINTS))
         # What the pictures show and the rules do not ask for.
         slots, plants = self.state.head_mass_g.shape[1] - 1, config.scenario.plants
         self.head_exists, self.head_occluded = np.zeros((2, worlds, slots), bool)
@@ -77,15 +80,16 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw fields and what the statistical camera reports of them."""
-        return draw_batch(self.config, self.perception, generators)
+        luck = self.draw_luck(generators)
+        return draw_batch(self.config, self.perception, generators)._replace(luck=luck)
 
     def stack(self, fields: Sequence[SafflowerField]) -> Batch:
         """The batch of fields in which nothing is missing."""
-        return stack(self.config, fields)
+        return stack(self.config, fields)._replace(luck=self.luck_of(fields))
 
     def unstack(self, batch: Batch) -> list[SafflowerField]:
         """The fields of a batch."""
-        return unstack(batch, self.perception)
+        return self.with_luck(unstack(batch, self.perception), batch.luck)
 
     @property
     def window(self) -> dict[str, tuple[float, float]]:
@@ -94,12 +98,15 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
 
     def complete(self, field: Any, generator: np.random.Generator) -> SafflowerField:
         """A field with nothing missing; see ``filling``."""
-        return completed(self.config, self.perception, super().complete(field, generator), generator)
+        whole = super().complete(field, generator)
+        done = completed(self.config, self.perception, whole, generator)
+        return self.with_whole_luck(done, whole.drives, generator)
 
     def load(self, rows: Rows, batch: Batch) -> None:
         """Put fields into ``rows`` and the carts at their first stop, reports taken."""
         state = self.state
-        heads, plants, tracks = batch
+        heads, plants, tracks, luck = batch
+        self.take_luck(rows, luck)
         state.head_position[rows, :-1] = heads.position - self.frame
         state.head_stage[rows, :-1] = heads.stage
         state.head_mass_g[rows, :-1] = heads.mass_g
@@ -161,8 +168,12 @@ class SafflowerCore(KernelCore[PickerPlan, PickerOutcome]):
         return plan_worlds(self.tables, self.state, actions)
 
     def nominal(self, plan: PickerPlan) -> PickerOutcome:
-        """Nominal phase times, the tool exactly where it was sent."""
-        return PickerOutcome(plan.phases_s, plan.target)
+        """Nominal phase times, the tool where it was sent, or where drives that err bring it."""
+        return PickerOutcome(plan.phases_s, plan.target + self.tool_error(plan) if self.errs else plan.target)
+
+    def tool_error(self, plan: PickerPlan) -> Array:
+        """See ``ErringCore``: (B, 3), cart, u and v."""
+        return tool_error(self.config, self.servos, self.drive_luck, plan)
 
     def apply(self, plan: PickerPlan, outcome: PickerOutcome) -> StepResult:
         """Cut, collect, book the time and move to the next decision."""

@@ -63,7 +63,8 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
     ``cycle_time_s`` = time until the last head was done / heads done (eq. 34), throughput, phases, grams.
 
     Args:
-        scenario: ``"pots"`` (the paper's protocol), ``"row-sparse"``, ``"row"`` or ``"row-dense"``.
+        scenario: ``"pots"`` (the paper's protocol), ``"row-sparse"``, ``"row"``, ``"row-dense"`` or
+            ``"field"`` (a worn machine).
         backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
         perception: ``"camera"`` renders and segments images, ``"model"`` draws from statistics measured on such
             images, ``"perfect"`` reports every open or faded head where it is. Default: camera with PyBullet, model

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..drives import DriveLuck
 from ..field import Array, Camera, Field, Flags, Table, Toy, Whole, flag, label, number, whole
 from .config import STAGES
 
@@ -66,6 +67,7 @@ class SafflowerField(Field):
         plants: what bears it; synthesised from the heads where there are none.
         reports: what a camera will report; None where it is still to be drawn, or to be rendered.
         camera: whose reports they are; None where any statistical camera makes them.
+        drives: luck of the machine's drives; None where none errs.
     """
 
     task: ClassVar[str] = "safflower"
@@ -76,6 +78,7 @@ class SafflowerField(Field):
     plants: Plants | None = None
     reports: Reports | None = None
     camera: Camera | None = None
+    drives: DriveLuck | None = None
 
     @classmethod
     def toy(cls) -> tuple[Toy, ...]:

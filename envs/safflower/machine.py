@@ -48,6 +48,10 @@ class PyBulletPicker(Driven[PickerPlan, PickerOutcome]):
         if kind == NOTHING:
             return PickerOutcome(phases, plan.target)
         cart, tool, nominal_s = trajectory(plan, self._core.config.machine.clear_level_m, self._dt)
+        if self._core.errs:
+            share = QUINTIC.sample(self._dt * np.arange(len(cart)), 1.0, nominal_s).position
+            way = self.erring(np.column_stack([cart, tool]), share, self._core.tool_error(plan)[0])
+            cart, tool = way[:, 0], way[:, 1:]
         report = self._machine.run(cart, tool)
         steps = _REST.steps(self._dt)
         still = np.full(steps, cart[-1]), np.repeat(tool[-1:], steps, 0)

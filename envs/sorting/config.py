@@ -18,6 +18,7 @@ from ...kernels.config import Config, nested, num
 from ...mechanisms import ThreePRRS
 from ...simulation.assets import asset_text
 from ...simulation.sorter_model import SorterParameters
+from ..drives import DriveErrors, LinearDrive, RotaryDrive
 
 GRADES = ("ware", "seed", "ripe", "green")
 """Large tubers, small tubers, ripe fruits, unripe fruits: two shapes, two colours."""
@@ -233,6 +234,8 @@ class ScenarioConfig(Config):
     """Items come for this long."""
     time_limit_s: float = num(150.0, 1e-3, 36_000.0, "s")
     """The episode is cut off then."""
+    drives: DriveErrors = nested(DriveErrors)
+    """Errors of sliders and swings."""
 
     def check(self) -> None:
         """Clumps cannot come slower than the stream itself."""
@@ -251,13 +254,24 @@ class ScenarioConfig(Config):
         return int(mean + 6.0 * (mean * (2.0 * self.clump - 1.0)) ** 0.5) + 4
 
 
+WORN = DriveErrors(
+    LinearDrive(encoder_m=0.0005, backlash_m=0.0005, stiction_m=0.0001),
+    RotaryDrive(encoder_rad=0.002, backlash_rad=0.0044, stiction_rad=0.001),
+    lag_s=0.015,
+)
+"""Drives after a season of soil and juice: sliders on belts with 0.5 mm of play, encoders off by as much, gears of 15
+arc minutes, servos of 11 Hz [assumed: the usual class of planetary gears, belts that were not tightened]."""
+
 SCENARIOS: dict[str, ScenarioConfig] = {
     "load-0.7": ScenarioConfig(0.7),
     "load-1.0": ScenarioConfig(1.0),
     "load-1.25": ScenarioConfig(1.25),
     "load-1.6": ScenarioConfig(1.6),
     "clumped-1.25": ScenarioConfig(1.25, clump=4.0),
+    "field": ScenarioConfig(1.25, clump=4.0, drives=WORN),
 }
+"""``field`` is ``clumped-1.25`` on a machine that has worked for a season: produce comes as the harvester's web throws
+it, and belts are tightened in winter."""
 
 
 @dataclass(frozen=True)

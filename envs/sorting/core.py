@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 from ..arrays import allocated
 from ..columns import names
 from ..core import Array, Rows, StepResult, observation_space, outside
+from ..drives import Servos
+from ..erring import ErringCore
 from ..field import ABSENT, Camera
-from ..kernel_core import KernelCore
 from .columns import ITEM, LIMIT, TOTAL, TRUTH, Candidate, Item, Machine, Phases, Rewards, Scores
 from .completing import check_fit, completed, window
 from .config import GRADES, PerceptionModel, SortingConfig
 from .drawing import CameraModel, Stream, draw_streams, report_streams
+from .errors import JOINTS, held_at, tool_error
 from .field import ProduceField, Streams, reports_of, stacked, unstacked
 from .reports import begin_worlds, take_reports
 from .rules import apply_worlds, decide_worlds, end_phases, foresee_worlds, grip_worlds, plan_worlds, show_worlds
@@ -34,7 +36,7 @@ class SorterOutcome(NamedTuple):
     grip: Grip
 
 
-class SortingCore(KernelCore[SorterPlan, SorterOutcome]):
+class SortingCore(ErringCore[SorterPlan, SorterOutcome]):
     """Batched sorting task. Action k grips the candidate in slot k; the last action waits.
 
     Args:
@@ -67,6 +69,7 @@ class SortingCore(KernelCore[SorterPlan, SorterOutcome]):
         # Reports of nothing come on top; a real camera may report an item again.
         self._reports = n + len(self._camera.ghosts) if perception else 0
         self.state = allocated(Worlds, worlds, items=n + 1, reports=(self._reports or 2 * n) + 1, slots=k)
+        self._drive(Servos.of(config.scenario.drives, *JOINTS))
         # What lies on the belt, one row an item, see ``columns.Item``. The last item stands for none.
         self.items = np.full((worlds, n + 1, len(Item._fields)), np.inf)
         self.sensor_seed = np.zeros(worlds, np.int64)
@@ -79,19 +82,22 @@ class SortingCore(KernelCore[SorterPlan, SorterOutcome]):
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Streams:
         """Draw new streams and what the camera reports of them."""
-        return draw_streams(self._stream, self._camera, generators, self.items.shape[1] - 1, self._reports)
+        luck = self.draw_luck(generators)
+        drawn = draw_streams(self._stream, self._camera, generators, self.items.shape[1] - 1, self._reports)
+        return drawn._replace(luck=luck)
 
     def stack(self, fields: Sequence[ProduceField]) -> Streams:
         """The batch of fields in which nothing is missing."""
-        return stacked(fields, self.items.shape[1] - 1, self._reports)
+        return stacked(fields, self.items.shape[1] - 1, self._reports)._replace(luck=self.luck_of(fields))
 
     def unstack(self, batch: Streams) -> list[ProduceField]:
         """The fields of a batch."""
-        return unstacked(batch, self._code)
+        return self.with_luck(unstacked(batch, self._code), batch.luck)
 
     def load(self, rows: Rows, batch: Streams) -> None:
         """Put streams into ``rows``; the belt is full up to the reach, the platform rests in the middle."""
         self.items[rows] = batch.items
+        self.take_luck(rows, batch.luck)
         begin_worlds(self.tables, self.state, rows, self.items)
         self.episode[rows] += 1
         self.sensor_seed[rows] = batch.noise_seed
@@ -109,7 +115,9 @@ class SortingCore(KernelCore[SorterPlan, SorterOutcome]):
         code = ABSENT if whole.camera is None or not len(whole.camera) else whole.camera.code[0]
         if self.perception is None or code not in (ABSENT, self._code):
             whole = replace(whole, reports=None)
-        whole, last = completed(whole, self.config, self._camera, self._code, generator), self.items.shape[1] - 1
+        given, last = whole.drives, self.items.shape[1] - 1
+        whole = completed(whole, self.config, self._camera, self._code, generator)
+        whole = self.with_whole_luck(whole, given, generator)
         check_fit(whole, self.config, last, self._reports)
         if self.perception is None or whole.reports is not None:
             return whole
@@ -147,9 +155,16 @@ class SortingCore(KernelCore[SorterPlan, SorterOutcome]):
         return end_phases(plan, held, self.tables.paces.stop_s)
 
     def nominal(self, plan: SorterPlan) -> SorterOutcome:
-        """Nominal phase times, the tool exactly where it was sent."""
+        """Nominal phase times, the tool where it was sent, or where drives that err bring it."""
         grip = self.foreseen(plan)
+        if self.errs:
+            found, picks = self.grip(plan, *held_at(plan, self.tool_error(plan))), plan.kind == PICK
+            grip = Grip(np.where(picks, found.held, grip.held), np.where(picks, found.lost, grip.lost))
         return SorterOutcome(self.phases_of(plan, grip.held), grip)
+
+    def tool_error(self, plan: SorterPlan) -> Array:
+        """See ``ErringCore``: (B, 6) of the mechanism's pose as the fingers close."""
+        return tool_error(self.config, self.servos, self.drive_luck, plan)
 
     def apply(self, plan: SorterPlan, outcome: SorterOutcome) -> StepResult:
         """Book the item and the time, and move to the next decision."""

@@ -75,7 +75,8 @@ class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
     ``damaged`` (slipped out of the fingers on the way), ``wasted``, ``missed``, phases.
 
     Args:
-        scenario: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` or ``"clumped-1.25"``.
+        scenario: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"``, ``"clumped-1.25"`` or ``"field"``
+            (a worn machine).
         backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
         perception: ``"camera"`` renders images of the belt and finds the items in them, ``"model"`` draws from
             statistics measured on such images, ``"perfect"`` reports every item as it is. Default: camera with

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ..columns import names
+from ..drives import DriveLuck
 from ..field import ABSENT, Array, Field, Table, Toy, Whole, label, number, whole
 from .columns import REPORT, Item, Report
 from .config import GRADES
@@ -82,6 +83,7 @@ class ProduceField(Field):
         items: what comes; a file needs ``passing_s``, ``across_m`` and ``grade``.
         reports: what the camera says; None: it is made from the items.
         camera: of the reports and of pictures.
+        drives: luck of the machine's drives; None where none errs.
     """
 
     task: ClassVar[str] = "sorting"
@@ -91,6 +93,7 @@ class ProduceField(Field):
     items: Items
     reports: Reports | None = None
     camera: Sensor | None = None
+    drives: DriveLuck | None = None
 
     @classmethod
     def toy(cls) -> tuple[Toy, ...]:
@@ -139,11 +142,13 @@ class Streams(NamedTuple):
         items: (R, N + 1, ``Item``), the last one stands for none.
         reports: (R, M, ``Report``); none at all where they come from outside.
         noise_seed: (R,), of rendered pictures.
+        luck: (R, J), of the machines' drives; None where none errs.
     """
 
     items: Array
     reports: Array
     noise_seed: Whole
+    luck: Array | None = None
 
 
 def stacked(fields: Sequence[ProduceField], items: int, reports: int) -> Streams:
@@ -167,7 +172,7 @@ def stacked(fields: Sequence[ProduceField], items: int, reports: int) -> Streams
 def unstacked(streams: Streams, code: int) -> list[ProduceField]:
     """The fields of streams, with the ``code`` of the camera whose reports they are."""
     fields, last = [], streams.items.shape[1] - 1
-    for items, said, seed in zip(*streams, strict=True):
+    for items, said, seed in zip(*streams[:3], strict=True):
         there, reports = items[np.isfinite(items[:, 0])], None
         if len(said):
             reports = reports_of(said, last)

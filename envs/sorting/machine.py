@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from ...motion import QUINTIC
 from ...motion.orientation import axes
 from ...simulation.motion_result import Rest
 from ...simulation.sorter import SorterMachine
@@ -30,6 +33,7 @@ class PyBulletSorter(Driven[SorterPlan, SorterOutcome]):
         self._core = core
         self._machine = SorterMachine(core.config.machine.sorter)
         self._dt = 1.0 / self._machine.parameters.physics_hz
+        self._before: Any = 0.0
 
     def place(self) -> None:
         """Put the machine where the rules say it stands."""
@@ -44,6 +48,8 @@ class PyBulletSorter(Driven[SorterPlan, SorterOutcome]):
             grip = core.foreseen(plan)
             return SorterOutcome(plan.phases_s, grip)
         motion = PickMotion(core.config, plan)
+        if core.errs:
+            self._before, self._off = self._off, core.tool_error(plan)[0]
         closing = int(np.ceil(motion.closing_s / self._dt))
         reached = machine.run(self._poses(motion, 0, closing, False))
         position, quaternion = machine.platform()
@@ -83,4 +89,9 @@ class PyBulletSorter(Driven[SorterPlan, SorterOutcome]):
         return moved_s
 
     def _poses(self, motion: PickMotion, first: int, last: int, held: bool) -> Array:
-        return motion.sample(np.arange(first, last + 1, dtype=np.float64) * self._dt, held).poses()
+        time = np.arange(first, last + 1, dtype=np.float64) * self._dt
+        poses = motion.sample(time, held).poses()
+        if self._core.errs:
+            share = QUINTIC.sample(time, 1.0, motion.closing_s).position[:, None]
+            poses += self._before + share * (self._off - self._before)
+        return poses

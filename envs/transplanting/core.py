@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ..columns import names
 from ..core import Array, Rows, StepResult, observation_space, outside
-from ..kernel_core import KernelCore
+from ..drives import Servos
+from ..erring import ErringCore
 from .columns import (
     MOVE_SCALE_S,
     PLACE_SCALE_M,
@@ -31,6 +32,7 @@ from .columns import (
     W,
 )
 from .config import DAMAGED, EMPTY, HEALTHY, SPEEDS, PerceptionModel, TransplantingConfig
+from .errors import EMPTY_HANDED, JOINTS, falls_s, tool_error
 from .field import Cells, TrayBatch, TrayField, draw_batch, model_reports, shapes, stacked, unstacked, with_every_cell
 from .process import speed_chances
 from .rules import (
@@ -55,7 +57,7 @@ class TransplantOutcome(NamedTuple):
     error_m: Array
 
 
-class TransplantingCore(KernelCore[TransplantPlan, TransplantOutcome]):
+class TransplantingCore(ErringCore[TransplantPlan, TransplantOutcome]):
     """Batched transplanting task.
 
     An action is ``pair * 3 + speed``, ``3 K`` moves the source conveyor on, ``3 K + 1`` the target conveyor. K counts
@@ -90,6 +92,8 @@ class TransplantingCore(KernelCore[TransplantPlan, TransplantOutcome]):
         self.places = places(config.machine, scenario.source, scenario.target)
         self.times = times(config)
         self.terms = _terms(config, from_outside=perception is None)
+        self._drive(Servos.of(scenario.drives, *JOINTS))
+        self._fall_s = falls_s(config.machine) if self.errs else ()
         self._fixed = _fixed_features(config, self.places, self.times)
         self.state = Worlds(
             source_cells=np.zeros((b, rows_s + 1, n), np.int8),
@@ -111,15 +115,18 @@ class TransplantingCore(KernelCore[TransplantPlan, TransplantOutcome]):
 
     def draw(self, generators: Sequence[np.random.Generator]) -> TrayBatch:
         """Draw trays."""
-        return draw_batch(self.config.scenario, generators)
+        luck = self.draw_luck(generators)
+        drawn = draw_batch(self.config.scenario, generators)
+        return drawn if luck is None else drawn._replace(drives=luck)
 
     def stack(self, fields: Sequence[TrayField]) -> TrayBatch:
         """The batch of trays that have every cell."""
-        return stacked(fields, self.source_shape, self.target_shape)
+        luck, batch = self.luck_of(fields), stacked(fields, self.source_shape, self.target_shape)
+        return batch if luck is None else batch._replace(drives=luck)
 
     def unstack(self, batch: TrayBatch) -> list[TrayField]:
         """The trays of a batch."""
-        return unstacked(batch)
+        return self.with_luck(unstacked(batch), batch.drives if self.errs else None)
 
     def complete(self, field: Any, generator: np.random.Generator) -> TrayField:
         """The trays with every cell: those that are not given are empty; what is missing of luck is drawn.
@@ -130,11 +137,13 @@ class TransplantingCore(KernelCore[TransplantPlan, TransplantOutcome]):
         if isinstance(field, TrayField):
             field.check()
             field = with_every_cell(field, self.source_shape, self.target_shape)
-        return super().complete(field, generator)
+        whole = super().complete(field, generator)
+        return self.with_whole_luck(whole, whole.drives, generator)
 
     def load(self, rows: Rows, batch: TrayBatch) -> None:
         """Put trays into ``rows`` and present the first row of each."""
         state = self.state
+        self.take_luck(rows, batch.drives if self.errs else None)
         state.source_cells[rows, :-1], state.target_cells[rows, :-1] = batch.source, batch.target
         state.target_cells[rows, -1] = HEALTHY
         state.luck[rows, :-1] = batch.luck
@@ -183,8 +192,27 @@ class TransplantingCore(KernelCore[TransplantPlan, TransplantOutcome]):
         return plan_worlds(self.times, self.terms.extraction, self.state, actions)
 
     def nominal(self, plan: TransplantPlan) -> TransplantOutcome:
-        """Nominal phase times, the tool exactly where it was sent."""
-        return TransplantOutcome(plan.phases_s, np.zeros((len(plan.kind), len(E))))
+        """Nominal phase times, the tool where it was sent, or where drives that err bring it."""
+        error_m = np.zeros((len(plan.kind), len(E)))
+        if self.errs:
+            error_m[:] = np.hypot(*np.moveaxis(self.tool_error(plan), -1, 0))
+        return TransplantOutcome(plan.phases_s, error_m)
+
+    def tool_error(self, plan: TransplantPlan) -> Array:
+        """See ``ErringCore``: (B, 2, 2), across and up at the pair's two ends."""
+        source, target = np.divmod(plan.pair, self.target_shape[1])
+        ends = np.stack([source, self.source_shape[1] + target], axis=-1)
+        limit = np.stack([np.full_like(plan.kind, EMPTY_HANDED), np.minimum(plan.kind, len(SPEEDS) - 1)], axis=-1)
+        return self.place_error(ends, limit, self.drive_luck[:, None])
+
+    def place_error(self, places: Rows, limit: Rows, luck: Array) -> Array:
+        """What the tool is off by (..., 2) at places (...) that it comes down to under the limits (...)."""
+        process = self.config.process
+        work_s = np.where(limit == EMPTY_HANDED, process.grip_s, process.release_s)
+        machine, place = self.config.machine, self.places
+        points = np.stack([place.x_m[places], machine.arm.window_m[0][1] + place.height_m[places]], axis=-1)
+        fall_m = machine.lift_m - place.height_m[places]
+        return tool_error(machine, self.servos, luck, points, fall_m, np.take(self._fall_s, limit), work_s)
 
     def apply(self, plan: TransplantPlan, outcome: TransplantOutcome) -> StepResult:
         """Move plugs, index rows, book the time."""

@@ -87,7 +87,8 @@ class TrayTransplantingEnv(TaskEnv[TransplantPlan, TransplantOutcome]):
     share of the gaps that were closed, ``travel_m``, and what was damaged (torn, hurt or crushed), lost, wasted.
 
     Args:
-        scenario: ``"fill-low"``, ``"fill"``, ``"fill-high"``, ``"replug-low"``, ``"replug"`` or ``"replug-high"``.
+        scenario: ``"fill-low"``, ``"fill"``, ``"fill-high"``, ``"replug-low"``, ``"replug"``, ``"replug-high"`` or
+            ``"field"`` (a worn machine).
         backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
         perception: ``"camera"`` renders and classifies images, ``"model"`` draws from confusion matrices measured on
             such images, ``"perfect"`` reports every cell as it is. Default: camera with PyBullet, model with the

@@ -18,6 +18,7 @@ from ..arrays import allocated, shaped
 from ..columns import names
 from ..core import Array
 from ..dice import draw_blocks
+from ..drives import DriveLuck
 from ..field import Field, FieldError, Origin, Table, Toy, Whole, label, number, whole
 from .columns import Lucks
 from .config import EMPTY, HEALTHY, POOR, REPORTS, PerceptionModel, ScenarioConfig, TransplantingConfig, Tray
@@ -56,6 +57,7 @@ class TrayField(Field):
     Attributes:
         source: the supply.
         target: the trays to serve; None where all of them come empty.
+        drives: luck of the machine's drives; None where none errs.
     """
 
     task: ClassVar[str] = "trays"
@@ -64,6 +66,7 @@ class TrayField(Field):
 
     source: SourceCells
     target: TargetCells | None = None
+    drives: DriveLuck | None = None
 
     @classmethod
     def of_cells(cls, source: Sequence[Sequence[int]], target: Sequence[Sequence[int]]) -> TrayField:
@@ -101,6 +104,8 @@ class TrayBatch(NamedTuple):
     """Uniform numbers that decide what a statistical camera reports."""
     target_lot: Annotated[Array, shaped("target_rows", "target_columns")]
     """Likewise."""
+    drives: Annotated[Array, shaped("joints")]
+    """Luck of the machine's drives, see ``drives.DriveLuck``; empty where none errs."""
 
 
 def shapes(scenario: ScenarioConfig) -> tuple[Shape, Shape]:
@@ -132,13 +137,14 @@ def draw_batch(scenario: ScenarioConfig, generators: Sequence[np.random.Generato
         uniform[:, cells[1] :].reshape(worlds, *source, len(_LUCKS)),
         uniform[:, : cells[0]].reshape(worlds, *source),
         uniform[:, cells[0] : cells[1]].reshape(worlds, *target),
+        np.zeros((worlds, 0)),
     )
 
 
 def stacked(fields: Sequence[TrayField], source: Shape, target: Shape) -> TrayBatch:
     """The batch of fields that have every cell of their trays, which are of these shapes."""
     sizes = dict(zip(("source_rows", "source_columns", "target_rows", "target_columns"), source + target, strict=True))
-    batch = allocated(TrayBatch, len(fields), **sizes)
+    batch = allocated(TrayBatch, len(fields), joints=0, **sizes)
     for world, field in enumerate(fields):
         assert field.target is not None
         here, there = (field.source.row, field.source.column), (field.target.row, field.target.column)
@@ -152,7 +158,7 @@ def stacked(fields: Sequence[TrayField], source: Shape, target: Shape) -> TrayBa
 def unstacked(batch: TrayBatch) -> list[TrayField]:
     """The fields of a batch, their cells row by row."""
     fields = []
-    for source, target, luck, source_lot, target_lot in zip(*batch, strict=True):
+    for source, target, luck, source_lot, target_lot in zip(*batch[:-1], strict=True):
         lucks = dict(zip(_LUCKS, luck.reshape(-1, len(_LUCKS)).T, strict=True))
         plugs = SourceCells(*_places(source.shape), source.ravel(), source_lot.ravel(), **lucks)
         fields.append(TrayField(plugs, TargetCells(*_places(target.shape), target.ravel(), target_lot.ravel())))
@@ -166,7 +172,8 @@ def with_every_cell(field: TrayField, source: Shape, target: Shape) -> TrayField
         FieldError: a cell lies outside the trays, or is given twice.
     """
     served = TargetCells.empty() if field.target is None else field.target
-    return TrayField(_every_cell("source", field.source, source), _every_cell("target", served, target))
+    cells = _every_cell("source", field.source, source), _every_cell("target", served, target)
+    return TrayField(*cells, field.drives)
 
 
 def reports(confusion: Sequence[Sequence[float]], cells: Cells, lot: Array) -> Cells:

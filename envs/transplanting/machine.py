@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...motion import PathMotion, StoppedPath
+from ...motion import QUINTIC, PathMotion, StoppedPath
 from ...simulation.motion_result import Rest
 from ...simulation.transplanter import GateResult, TransplanterMachine
 from ..core import Array
@@ -14,13 +14,11 @@ from ..driven import RECOVERY_S, Driven
 from .columns import E, P
 from .config import TransplantingConfig
 from .core import TransplantingCore, TransplantOutcome
+from .errors import EMPTY_HANDED
 from .rules import INDEX_SOURCE, NOTHING, TransplantPlan
 from .timing import Places, above, gate_motion
 
 _REST = Rest(tolerance_m=5e-4, limit_s=0.3, wait_s=0.010)
-
-EMPTY_HANDED = 3
-"""Index of the empty gripper's limit behind the three speeds."""
 
 
 class Move(NamedTuple):
@@ -96,7 +94,7 @@ class PyBulletTransplanter(Driven[TransplantPlan, TransplantOutcome]):
     def drive(self, plan: TransplantPlan) -> TransplantOutcome:
         """Drive the gates and say how long they took and where the tool came to rest."""
         phases = plan.phases_s.copy()
-        errors = np.zeros((1, len(E)))
+        errors = self._core.nominal(plan).error_m
         n = self._core.source_shape[1]
         for move in moves(self._core, plan):
             self._machine.carry(self._plug_kg if move.loaded else 0.0)
@@ -108,7 +106,12 @@ class PyBulletTransplanter(Driven[TransplantPlan, TransplantOutcome]):
 
     def _drive(self, move: Move) -> tuple[float, float, float]:
         """Simulated and nominal seconds of a move, and the tool's distance from its end."""
-        positions, nominal_s = self._trajectories.samples(move, self._machine.client.step_s)
+        core, step_s, wanted = self._core, self._machine.client.step_s, None
+        positions, nominal_s = self._trajectories.samples(move, step_s)
+        if core.errs:
+            error = core.place_error(np.array(move.end), np.array(move.limit), core.drive_luck[0])
+            share = QUINTIC.sample(step_s * np.arange(len(positions)), 1.0, nominal_s).position
+            wanted, positions = positions[-1], self.erring(positions, share, error)
         report: GateResult = self._machine.run(positions)
         still = np.repeat(positions[-1:], _REST.steps(self._machine.client.step_s), axis=0)
         report, moved_s = _REST.wait(report, report.duration_s, nominal_s, lambda: self._machine.run(still))
@@ -116,7 +119,8 @@ class PyBulletTransplanter(Driven[TransplantPlan, TransplantOutcome]):
             # The next gate of the decision begins where this one should have ended.
             self._machine.reset(positions[-1])
             moved_s += RECOVERY_S
-        return moved_s, nominal_s, report.final_error_m
+        error_m = report.final_error_m if wanted is None else float(np.linalg.norm(report.final_tool_m - wanted))
+        return moved_s, nominal_s, error_m
 
     def missed(self, plan: TransplantPlan) -> TransplantOutcome:
         """The tool stayed where it was, far from every cell."""

@@ -64,10 +64,11 @@ class Tracks(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Fields of R worlds; ``tracks`` is None where a camera still has to look."""
+    """Fields of R worlds; ``tracks`` is None where a camera still has to look, ``luck`` (R, J) where no drive errs."""
 
     plants: Plants
     tracks: Tracks | None
+    luck: Array | None = None
 
 
 @compiled
@@ -161,7 +162,7 @@ def unstack(batch: Batch, camera: Camera | None) -> list[WeedField]:
 
 
 def _field(batch: Batch, row: int, camera: Camera | None) -> WeedField:
-    plants, tracks = batch
+    plants, tracks, _ = batch
     there = plants.exists[row]
     crops = plants.crop[row, :, G.along] < FAR_M
     names = ("species", "stage", "luck", "look")

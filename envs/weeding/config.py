@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...kernels.config import Config, choice, flag, nested, num
+from ..drives import DriveErrors, LinearDrive, RotaryDrive
 
 STAGES = ("cotyledon", "two-leaf", "four-leaf")
 SPECIES = ("broadleaf", "grass")
@@ -55,6 +56,8 @@ class ScenarioConfig(Config):
     """Shares of cotyledon, two-leaf and four-leaf weeds [assumed: an early pass]."""
     max_weeds: int = num(320, 1, 20_000, "")
     """Most weeds of a strip; draws beyond are cut off."""
+    drives: DriveErrors = nested(DriveErrors)
+    """Errors of the tool's drives: legs, sliders and swings; what the cart's drive errs by is the odometry's."""
 
     def check(self) -> None:
         """Hold shares to their sum, and the room to what grows."""
@@ -70,6 +73,15 @@ class ScenarioConfig(Config):
         return int(self.strip_m / self.crop_pitch_m) + 3
 
 
+WORN = DriveErrors(
+    LinearDrive(encoder_m=0.0003, backlash_m=0.0002, stiction_m=0.00005),
+    RotaryDrive(encoder_rad=0.002, backlash_rad=0.0029, stiction_rad=0.0005),
+    lag_s=0.010,
+)
+"""Drives after a season in dust: cylinders whose screws have 0.2 mm of play and encoders that are off by 0.3 mm, gears
+of 10 arc minutes, servos of 16 Hz [assumed: play of rolled ball screws is 0.05-0.2 mm, of planetary gears 3-15 arc
+minutes]."""
+
 SCENARIOS: dict[str, ScenarioConfig] = {
     "load-0.7": ScenarioConfig(40.0, 0.7),
     "load-1.0": ScenarioConfig(40.0, 1.0),
@@ -78,9 +90,11 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "load-1.0-even": ScenarioConfig(40.0, 1.0, clumped=0.0),
     "load-1.6-even": ScenarioConfig(40.0, 1.6, clumped=0.0),
     "dense": ScenarioConfig(100.0, 1.0, strip_m=1.6),
+    "field": ScenarioConfig(40.0, 1.25, drives=WORN),
 }
 """Tiers by offered load at 40 weeds per m2 (an ordinary infestation), clumped unless they say ``even``; ``dense`` has
-100 per m2 on a shorter strip, driven as slowly as its load of 1.0 asks."""
+100 per m2 on a shorter strip, driven as slowly as its load of 1.0 asks. ``field`` is ``load-1.25`` with a machine that
+has worked for a season: nobody exchanges screws and calibrates encoders before every field."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ..columns import Says, documented, names
 from ..core import Array, Rows, StepResult, observation_space, outside
 from ..dice import draw_blocks
+from ..drives import Servos
+from ..erring import ErringCore
 from ..field import Camera
-from ..kernel_core import KernelCore
 from .batch import Batch, crop_index, stack, unstack
 from .config import SPECIES, FieldTask
 from .drawing import draw_plants, draw_tracks, random_numbers, track_capacity
@@ -37,8 +38,8 @@ class WeederOutcome(NamedTuple):
     hit: Array
 
 
-class WeedingCore(KernelCore[WeederPlan, WeederOutcome]):
-    """Batched weeding task.
+class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
+    """Batched weeding task; tools say what it means to them that drives err.
 
     An action is ``slot * 3 + mode``; ``3 K`` waits a moment. With ``speed_control`` there are three such blocks: hold
     the speed, one notch slower, one notch faster.
@@ -49,8 +50,12 @@ class WeedingCore(KernelCore[WeederPlan, WeederOutcome]):
         process: what the tool does to plants.
         perception: statistical cameras, or None when tracks come from outside through ``receive``.
         worlds: number of worlds B.
+
+    Attributes:
+        driven: how many linear and rotary drives move the tool.
     """
 
+    driven: ClassVar[tuple[int, int]] = (0, 0)
     reward_names = names(Rewards)
     machine_features = names(Machine)
     candidate_features = names(Candidate)
@@ -83,6 +88,7 @@ class WeedingCore(KernelCore[WeederPlan, WeederOutcome]):
         self.weeds_end = self.tables.weeds_end
         self.capacity = track_capacity(scenario, perception)
         self.state = empty_worlds(config, len(self.phase_names), self.capacity, worlds)
+        self._drive(Servos.of(scenario.drives, *self.driven))
         b, plants = self.state.plant_dose.shape
         # What the pictures show and the rules do not ask for.
         self.plant_exists = np.zeros((b, plants), bool)
@@ -111,31 +117,33 @@ class WeedingCore(KernelCore[WeederPlan, WeederOutcome]):
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw strips and what the statistical cameras make of them."""
-        config = self.config
+        config, luck = self.config, self.draw_luck(generators)
         uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
         plants = draw_plants(config.scenario, uniform, normal)
         if self.perception is None:
-            return Batch(plants, None)
+            return Batch(plants, None, luck)
         tracks = draw_tracks(config.scenario, config.cart, self.perception, plants, camera_uniform, camera_normal)
-        return Batch(plants, tracks)
+        return Batch(plants, tracks, luck)
 
     def stack(self, fields: Sequence[WeedField]) -> Batch:
         """The batch of fields in which nothing is missing."""
-        return stack(self.config.scenario, self.capacity, fields)
+        return stack(self.config.scenario, self.capacity, fields)._replace(luck=self.luck_of(fields))
 
     def unstack(self, batch: Batch) -> list[WeedField]:
         """The fields of a batch."""
-        return unstack(batch, self.camera)
+        return self.with_luck(unstack(batch, self.camera), batch.luck)
 
     def complete(self, field: Any, generator: np.random.Generator) -> WeedField:
         """A field with nothing missing; see ``filling``."""
         whole = super().complete(field, generator)
-        return completed(self.config, self.perception, self.camera, whole, generator)
+        done = completed(self.config, self.perception, self.camera, whole, generator)
+        return self.with_whole_luck(done, whole.drives, generator)
 
     def load(self, rows: Rows, batch: Batch) -> None:
         """Put strips into ``rows`` and the carts before their beginning, already driving."""
         config, process, state = self.config, self.process, self.state
-        plants, tracks = batch
+        plants, tracks, luck = batch
+        self.take_luck(rows, luck)
         weeds, crops = slice(PAD, self.weeds_end - PAD), slice(self.weeds_end, None)
         along = plants.crop[..., G.along]
         inside = (along >= 0.0) & (along <= config.scenario.strip_m)
@@ -228,8 +236,12 @@ class WeedingCore(KernelCore[WeederPlan, WeederOutcome]):
         return plan_worlds(self.tables, self.machine, self.state, actions)
 
     def nominal(self, plan: WeederPlan) -> WeederOutcome:
-        """Nominal phase times, the tool exactly where it was sent."""
-        return WeederOutcome(plan.phases_s, plan.aim)
+        """Nominal phase times, the tool where it was sent, or where drives that err bring it."""
+        return WeederOutcome(plan.phases_s, plan.aim + self.work_error(plan) if self.errs else plan.aim)
+
+    def work_error(self, plan: WeederPlan) -> Array:
+        """Where the tool works less where it was sent, (B, 2) on the ground, on average over its work."""
+        raise NotImplementedError
 
     def apply(self, plan: WeederPlan, outcome: WeederOutcome) -> StepResult:
         """Treat plants, book the time, drive on."""

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from ..drives import DriveLuck
 from ..field import Array, Camera, Field, Table, Toy, Whole, label, number
 from .config import SPECIES, STAGES
 
@@ -68,6 +69,7 @@ class WeedField(Field):
         ground: of rendered pictures.
         reports: what the cameras will report; None where it is still to be drawn, or to be rendered.
         camera: whose reports they are; None where any statistical camera makes them.
+        drives: luck of the machine's drives; None where none errs.
     """
 
     task: ClassVar[str] = "weeding"
@@ -78,6 +80,7 @@ class WeedField(Field):
     ground: Ground | None = None
     reports: Reports | None = None
     camera: Camera | None = None
+    drives: DriveLuck | None = None
 
     @classmethod
     def toy(cls, tool: Literal["laser", "hoe"] = "laser") -> tuple[Toy, ...]:

@@ -14,6 +14,7 @@ from ...perception import PerceptionModel, uncorrected
 from ...state import WeederPlan
 from .arm import HoeArm
 from .config import HoeWeedingConfig
+from .errors import HoeCore
 from .motors import within_motors
 from .process import HoeProcess
 
@@ -21,7 +22,7 @@ from .process import HoeProcess
 def hoe_core(config: HoeWeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
     """The weeding rules with the hoe as their tool."""
     arm = HoeArm.of(config.reach, config.cart.early_s)
-    return WeedingCore(config, arm, HoeProcess(config.process), perception, worlds)
+    return HoeCore(config, arm, HoeProcess(config.process), perception, worlds)
 
 
 DECISION_S = {

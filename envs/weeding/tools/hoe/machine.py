@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .....motion import QUINTIC
+from .....motion.orientation import axes
 from .....simulation.hoe import HoeMachine
 from .....simulation.hoe_model import HoeParameters
 from .....simulation.prrs import PrrsResult
@@ -57,12 +58,18 @@ class PyBulletHoe(Driven[WeederPlan, WeederOutcome]):
             first, last = (float(phases[0, : WORK + part].sum()) for part in (B.stir, B.lift))
             stirring[int(np.ceil(first / self._dt)) : int(last / self._dt) + 1 : _LOOK_EVERY] = True
         errors: list[Array] = []
+        core, way, below_m = self._core, pose, 0.0
+        if core.errs:
+            share = QUINTIC.sample(time, 1.0, float(phases[0, P.move] + phases[0, P.wait])).position
+            # A platform that tilts has its blade elsewhere.
+            way, below_m = self.erring(pose, share, core.tool_error(plan)[0]), self._machine.parameters.tool_m
 
         def look(row: int) -> None:
             if stirring[row]:
-                errors.append(self._machine.platform()[0][:2] - pose[row, :2])
+                at, turned = self._machine.platform()
+                errors.append((at - below_m * axes(turned)[:, 2])[:2] - pose[row, :2])
 
-        report = self.last_result = self._machine.hoe(pose, speed, look)
+        report = self.last_result = self._machine.hoe(way, speed, look)
         hit = plan.aim + np.mean(errors, axis=0) if errors else plan.aim
         if not self.arrived(report.final_error_m, report.saturated):
             hit = np.where(np.isfinite(hit), hit, plan.aim + FAR_M)

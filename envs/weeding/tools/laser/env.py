@@ -15,6 +15,7 @@ from ...perception import PerceptionModel
 from ...state import WeederPlan
 from .aim import LaserArm
 from .config import WeedingConfig
+from .errors import LaserCore
 from .motors import within_motors
 from .process import LaserProcess
 
@@ -22,7 +23,7 @@ from .process import LaserProcess
 def laser_core(config: WeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
     """The weeding rules with the laser as their tool."""
     arm = LaserArm.of(config.reach, config.cart.early_s)
-    return WeedingCore(config, arm, LaserProcess(config.process), perception, worlds)
+    return LaserCore(config, arm, LaserProcess(config.process), perception, worlds)
 
 
 DECISION_S = {
@@ -87,7 +88,8 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
 
     Args:
         scenario: tiers by offered load: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` (40 weeds per
-            m2, clumped), ``"load-1.0-even"``, ``"load-1.6-even"``, ``"dense"`` (100 per m2 at load 1).
+            m2, clumped), ``"load-1.0-even"``, ``"load-1.6-even"``, ``"dense"`` (100 per m2 at load 1), ``"field"`` (a
+            worn machine at load 1.25).
         backend: ``"pybullet"`` drives the closed-loop machine on a moving cart, ``"analytic"`` computes its motion.
         perception: ``"camera"`` renders and segments images of both cameras, ``"model"`` draws from statistics measured
             on such images, ``"perfect"`` reports every weed where it is. Default: camera with PyBullet, model with the

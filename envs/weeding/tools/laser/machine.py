@@ -53,7 +53,11 @@ class PyBulletWeeder(Driven[WeederPlan, WeederOutcome]):
             first = round((steps * dt - float(phases[0, WORK + B.burn])) / dt) + 1
             burning[first::_LOOK_EVERY] = True
         reach = config.reach
-        report = self._machine.run(cart, poses(reach, beam, cart), reach.target_height_m, burning)
+        pose = poses(reach, beam, cart)
+        if self._core.errs:
+            share = QUINTIC.sample(time, 1.0, float(phases[0, P.move] + phases[0, P.wait])).position
+            pose = self.erring(pose, share, self._core.tool_error(plan)[0])
+        report = self._machine.run(cart, pose, reach.target_height_m, burning)
         hit = plan.aim
         if works:
             seen = report.beam[burning]
