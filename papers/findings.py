@@ -18,12 +18,18 @@ class Verdict(str, Enum):
     REPRODUCED = "reproduced"
     REPRODUCED_WITH_CORRECTION = "reproduced with correction"
     REFUTED = "refuted"
+    IDENTIFIED = "identified"
+    """The published value was used to find numbers that the paper does not print: agreement confirms nothing."""
     NOT_DETERMINABLE = "not determinable"
+
+
+EXTRACTION = " May be the text extraction's fault, not the paper's."
+"""Ends the reason of a row whose fault is a single sign, index or symbol."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One published result beside the computed one. Build it with ``number``, ``statement`` or ``undeterminable``.
+    """One published result beside the computed one. Build it with one of the functions below.
 
     Attributes:
         item: what is compared, with its place in the paper ("Table 1, dT at 0.003").
@@ -187,3 +193,28 @@ def undeterminable(
     spread = f"{low:.6g} to {high:.6g}"
     printed = published if isinstance(published, str) else float(published)
     return Finding(item, printed, spread, None, Verdict.NOT_DETERMINABLE, why, unit, tolerance=float(tolerance))
+
+
+def identified(item: str, published: float | str, found: str, why: str, unit: str = "") -> Finding:
+    """State that a published result was used to find what the paper does not print.
+
+    Args:
+        item: what is compared.
+        published: as printed.
+        found: text of the computed column: what comes out with the numbers found, and how far off it is.
+        why: which numbers were found from it.
+        unit: of ``published``.
+    """
+    printed = published if isinstance(published, str) else float(published)
+    return Finding(item, printed, found, None, Verdict.IDENTIFIED, why, unit)
+
+
+def lost(item: str, what: str, why: str) -> Finding:
+    """State that a formula or value is missing in the source's text, so that nothing can be compared with it.
+
+    Args:
+        item: its place.
+        what: what stood there, as the sentences around it tell.
+        why: what this package uses in its place.
+    """
+    return Finding(item, what, "lost in the source's text", None, Verdict.NOT_DETERMINABLE, why)

@@ -18,22 +18,28 @@ LEG_COLOURS = ("#c44e52", "#4c72b0", "#dd8452", "#55a868")
 UNITS = (("length", "mm"), ("velocity", "mm/s"), ("acceleration", "mm/s²"))
 
 
-def legs(canvas: Canvas, time: Array, exact: Curves, printed: Curves, panels: str) -> None:
-    """Three panels of Figure 5: solid lines for the exact orientation, dashed ones for the printed."""
+def legs(canvas: Canvas, time: Array, exact: Curves, printed: Curves, panels: str, flat: Curves | None = None) -> None:
+    """Three panels of Figure 5: solid lines for the exact orientation, dashed for the printed, dotted for Y_o = 0."""
     canvas.set_size_inches(10.0, 3.6)
-    for axes, panel, (name, unit), solid, dashed in zip(_row(canvas), panels, UNITS, exact, printed, strict=True):
+    dots = flat or printed
+    for axes, panel, (name, unit), solid, dashed, dotted in zip(
+        _row(canvas), panels, UNITS, exact, printed, dots, strict=True
+    ):
         for leg, colour in enumerate(LEG_COLOURS):
             # Leg 3 lies on leg 1 in case 1: thin over thick shows both.
             width = 3.2 if leg == 0 and np.allclose(solid[:, 0], solid[:, 2]) else 1.4
             axes.plot(time, solid[:, leg], color=colour, lw=width, label=f"leg {leg + 1}")
             axes.plot(time, dashed[:, leg], color=colour, lw=1.0, ls=(0, (4, 3)), alpha=0.9)
+            if flat is not None:
+                axes.plot(time, dotted[:, leg], color=colour, lw=1.0, ls=":", alpha=0.9)
         axes.set(title=f"({panel}) {name}", xlabel="t (s)", ylabel=f"{name} ({unit})", xlim=(0.0, time[-1]))
         if name == "acceleration":
             axes.axhline(0.0, color="0.4", lw=0.8)
     handles, labels = canvas.axes[0].get_legend_handles_labels()
-    for style in ("-", "--"):
+    names = ["Ry Rx (exact)", "Rx Ry (printed)", "Rx Ry, Y_o = 0"][: 2 if flat is None else 3]
+    for style, _ in zip(("-", "--", ":"), names, strict=False):
         handles += canvas.axes[0].plot([], [], style, color="0.3", lw=1.2)
-    canvas.legend(handles, [*labels, "Ry Rx (exact)", "Rx Ry (printed)"], loc="outside lower center", ncols=6)
+    canvas.legend(handles, [*labels, *names], loc="outside lower center", ncols=7)
 
 
 def differences(canvas: Canvas, time: Array, exact: Curves, printed: Curves) -> None:

@@ -40,11 +40,11 @@ def workspace(canvas: Canvas, machine: ThreePRRS, orientation: tuple[float, floa
 
 def influence(canvas: Canvas, studies: Mapping[str, ParameterStudy], peaks: Mapping[str, tuple[float, float]]) -> None:
     """Volume surfaces over two dimensions at a time, with the computed maximum and the paper's peak (Fig. 5)."""
-    canvas.set_size_inches(11.0, 4.2)
+    canvas.set_size_inches(11.0, 8.2)
     for place, (title, study) in enumerate(studies.items()):
         peak = peaks[title]
         first, second = title.split(" over ")[1].split(",")[0].split(" and ")
-        axes = canvas.add_subplot(1, 3, place + 1, projection="3d", computed_zorder=False)
+        axes = canvas.add_subplot(2, 3, place + 1, projection="3d", computed_zorder=False)
         a, b = np.meshgrid(study.first, study.second, indexing="ij")
         axes.plot_surface(a, b, study.values, cmap="viridis", rcount=60, ccount=60, linewidth=0.1, edgecolor="w")
         top = float(np.nanmax(study.values))

@@ -143,7 +143,7 @@ def row(finding: Finding) -> tuple[str, ...]:
 def to_markdown(results: Sequence[ChapterResult]) -> str:
     """The index as Markdown."""
     lines = ["# Published results, computed again", "", _INTRODUCTION, ""]
-    lines += ["| Paper | " + " | ".join(verdict.value for verdict in Verdict) + " |", "|---" * 5 + "|"]
+    lines += ["| Paper | " + " | ".join(verdict.value for verdict in Verdict) + " |", "|---" * (1 + len(Verdict)) + "|"]
     for result in results:
         counts = " | ".join(str(count) for count in result.counts().values())
         lines.append(f"| [{result.title}](#{_anchor(result.title)}) | {counts} |")
@@ -262,7 +262,9 @@ _INTRODUCTION = (
     "Each row sets a published result beside the one that this package computes. 'As printed' uses the paper's own "
     "formula, unit or reading; 'corrected' uses the form that the last column names. Every verdict follows from the "
     "numbers of its row or from the test that the last column describes; a number counts as reproduced when it agrees "
-    "to half a unit of its last printed digit, unless its row says otherwise."
+    "to half a unit of its last printed digit, unless its row says otherwise. 'Identified' results were used to find "
+    "numbers that the paper does not print, so that they confirm nothing. The sources are texts taken from PDFs, which "
+    "lost symbols and some formulas: rows say where a fault may be the extraction's."
 )
 
 _STYLE = """
@@ -285,7 +287,7 @@ table.summary{width:auto}a{color:inherit}
 .badge{display:inline-block;padding:.05rem .5rem;border-radius:1rem;font-size:12px;font-weight:600;
 line-height:1.3}td .badge{max-width:8.5rem}
 .reproduced{background:#d5efdc;color:#14532d}.reproduced_with_correction{background:#dbe8fb;color:#1e3a70}
-.refuted{background:#fadbd8;color:#7f1d1d}.not_determinable{background:#e6e3ef;color:#43366b}
+.refuted{background:#fadbd8;color:#7f1d1d}.identified{background:#f6ecc9;color:#5c4a0f}.not_determinable{background:#e6e3ef;color:#43366b}
 .figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(520px,100%),1fr));gap:1.25rem;margin-top:1.5rem}
 figure{margin:0;background:var(--card);border:1px solid var(--line);border-radius:6px;padding:.75rem}
 figure img{width:100%;height:auto;display:block}figcaption{margin-top:.5rem;font-size:13px;color:var(--soft)}

@@ -7,7 +7,7 @@ import numpy as np
 from ..mechanisms import TranslationalFiveBar
 from ..mechanisms.batching import Array
 from ..motion import QUINTIC, SEPTIC, PolynomialLaw
-from .findings import Finding, statement
+from .findings import EXTRACTION, Finding, statement
 
 _EXACT = 1e-6
 
@@ -39,7 +39,7 @@ def laws() -> list[Finding]:
         size = float(np.max(np.abs(slope)))
         errors = [float(np.max(np.abs(values - slope))) / size for values in (printed, corrected) if values is not None]
         why = f"Relative error {errors[0]:.2g} against the differentiated curve"
-        why += f"; with the leading term +t/T {errors[1]:.1g}." if corrected is not None else "."
+        why += f"; with the leading term +t/T {errors[1]:.1g}." + EXTRACTION if corrected is not None else "."
         found.append(
             statement(
                 item,
@@ -53,7 +53,7 @@ def laws() -> list[Finding]:
 
 
 def kinematics(machine: TranslationalFiveBar) -> list[Finding]:
-    """Eqs 12 to 16 as printed and as corrected, at random poses of the window."""
+    """Eqs 11 to 16 as printed and as corrected, at random poses of the window."""
     rng = np.random.default_rng(0)
     poses = rng.uniform(*machine.window_m, (400, 2))
     v, a = rng.normal(size=poses.shape), 20.0 * rng.normal(size=poses.shape)
@@ -75,6 +75,8 @@ def kinematics(machine: TranslationalFiveBar) -> list[Finding]:
     back = float(np.max(np.abs(machine.forward(machine.inverse(flat)) - flat)))
     u, w = (np.stack([np.cos(x), np.sin(x)], axis=-1) for x in (pose.arm, pose.forearm))
     turned = np.stack([-u[..., 1], u[..., 0]], axis=-1)
+    sign = np.array([[1.0, 0.0], [-1.0, 0.0]])
+    loop = float(np.abs(poses[:, None] - sign * e - l1 * u - l2 * w).max())
     plain = w / np.sum(w * turned, axis=-1, keepdims=True)
     along = np.sum(plain * v[:, None], axis=-1)
     # Printed: Q carries a transpose, which turns the sign; 1 / l1 stands in eq. 13 and again in eq. 15.
@@ -89,6 +91,12 @@ def kinematics(machine: TranslationalFiveBar) -> list[Finding]:
     size = float(np.max(np.abs(bends)))
     second = [float(np.max(np.abs(values - bends))) / size for values in (guess, right)]
     return [
+        statement(
+            "Eq. 11, loop",
+            "r - sgn(i) e e1 - l1 u_i = l2 w_i",
+            loop < 1e-12,
+            f"Both legs close to {loop:.0e} m at 400 poses, with sgn 1 and -1 as printed.",
+        ),
         statement(
             "Eq. 12, inverse position",
             "a half-angle quotient over C - B gives both angles",
@@ -112,7 +120,7 @@ def kinematics(machine: TranslationalFiveBar) -> list[Finding]:
             "Q is the transpose of [[0, -1], [1, 0]]",
             errors["16"] < _EXACT,
             f"The transpose turns every speed's sign: relative error {errors['16']:.2g}, without it "
-            f"{errors['right']:.0e}.",
+            f"{errors['right']:.0e}." + EXTRACTION,
             corrected=errors["right"] < _EXACT,
         ),
         statement(

@@ -74,6 +74,7 @@ def _print_table(console: Console, result: ChapterResult) -> None:
         Verdict.REPRODUCED: "green",
         Verdict.REPRODUCED_WITH_CORRECTION: "cyan",
         Verdict.REFUTED: "red",
+        Verdict.IDENTIFIED: "yellow",
         Verdict.NOT_DETERMINABLE: "magenta",
     }
     table = Table(title=result.title, caption=result.paper, show_lines=True, expand=True)
