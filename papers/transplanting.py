@@ -130,8 +130,8 @@ def _laws() -> list[Finding]:
             why=f"Not over one stroke of 600 mm. Two readings give the same {gates['septic'] - gates['quintic']:.4f} "
             f"s, and the paper does not say which it means: the gate path of 150, 600 and 150 mm "
             f"({gates['quintic']:.4f} against {gates['septic']:.4f} s), and 600 mm out and back "
-            f"({2.0 * times['quintic']:.4f} against {2.0 * times['septic']:.4f} s), since two strokes of 150 mm take as "
-            "long as one of 600. With the speed limit kept too the gate path saves "
+            f"({2.0 * times['quintic']:.4f} against {2.0 * times['septic']:.4f} s), since two strokes of 150 mm take "
+            "as long as one of 600. With the speed limit kept too the gate path saves "
             f"{limited['septic'] - limited['quintic']:.3f} s.",
         ),
         statement(
