@@ -46,7 +46,8 @@ def allocated(state: type[StateT], worlds: int, **sizes: int) -> StateT:
     arrays = []
     for dtype, made in _declared(state):
         shape = (worlds, *(_length(size, sizes) for size in made.sizes))
-        arrays.append(np.full(shape, sizes[made.empty] - 1 if isinstance(made.empty, str) else made.empty, dtype))
+        empty = sizes[made.empty] - 1 if isinstance(made.empty, str) else made.empty
+        arrays.append(np.full(shape, empty, dtype) if empty else np.zeros(shape, dtype))
     return state(*arrays)
 
 

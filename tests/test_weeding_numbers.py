@@ -13,6 +13,7 @@ import pytest
 import fieldgym  # noqa: F401
 from fieldgym.envs.weeding.field import Crops
 from fieldgym.envs.weeding.process import dose
+from fieldgym.envs.weeding.response import crop_tolerance, tolerance
 from fieldgym.envs.weeding.tools.hoe.process import HoeProcess, HoeProcessConfig, Stir
 from fieldgym.envs.weeding.tools.laser.process import Burn, LaserProcess, ProcessConfig
 
@@ -217,11 +218,11 @@ def test_the_laser_s_doses_are_the_written_ones():
     # A dose d kills with the probability 1 / (1 + (ED50 / d)^slope); ED95 is 54 J for two-leaf broadleaves.
     ed50 = 54.0 / 19.0**0.25
     for species, stage, luck in product((0, 1), (0, 1, 2), (0.02, 0.5, 0.95)):
-        limit = float(LaserProcess(process).tolerance(np.array(species), np.array(stage), np.array(luck)))
+        limit = tolerance(LaserProcess(process).response, species, stage, luck)
         middle = ed50 * (0.4, 1.0, 3.0)[stage] * (1.0, 1.75)[species]
         assert 1.0 / (1.0 + (middle / limit) ** 4.0) == pytest.approx(luck, rel=1e-9)
     for luck in (0.02, 0.5, 0.95):
-        limit = float(LaserProcess(process).crop_tolerance(np.array(luck)))
+        limit = crop_tolerance(LaserProcess(process).response, luck)
         assert 1.0 / (1.0 + (20.0 / limit) ** 4.0) == pytest.approx(luck, rel=1e-9)
 
 
@@ -247,9 +248,9 @@ def test_the_hoe_s_doses_are_the_written_ones():
         by_hand = (0.012, 0.022, 0.035)[mode] * share
         assert dose(work, mode, x, y, kind) == pytest.approx(by_hand, rel=1e-9, abs=1e-12)
     for species, stage, luck in product((0, 1), (0, 1, 2), (0.02, 0.5, 0.95)):
-        limit = float(HoeProcess(process).tolerance(np.array(species), np.array(stage), np.array(luck)))
+        limit = tolerance(HoeProcess(process).response, species, stage, luck)
         middle = 0.006 * (0.5, 1.0, 2.0)[stage] * (1.0, 1.3)[species]
         assert 1.0 / (1.0 + (middle / limit) ** 1.3) == pytest.approx(luck, rel=1e-9)
     for luck in (0.02, 0.5, 0.95):
-        limit = float(HoeProcess(process).crop_tolerance(np.array(luck)))
+        limit = crop_tolerance(HoeProcess(process).response, luck)
         assert 1.0 / (1.0 + (0.012 / limit) ** 2.0) == pytest.approx(luck, rel=1e-9)

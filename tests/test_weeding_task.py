@@ -14,7 +14,7 @@ from fieldgym.agents import make_policy
 from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.dice import draw_blocks
 from fieldgym.envs.weeding.config import SCENARIOS
-from fieldgym.envs.weeding.drawing import draw_plants, random_numbers
+from fieldgym.envs.weeding.drawing import Strip, draw_plants
 from fieldgym.envs.weeding.field import strip
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.process import dose
@@ -252,8 +252,8 @@ def test_a_shot_reaches_all_that_grows_there_and_nothing_else():
 def test_fields_have_the_density_and_the_clumping_that_their_tier_says(tier):
     scenario = SCENARIOS[tier]
     generators = [np.random.default_rng(seed) for seed in range(300)]
-    blocks = draw_blocks(generators, random_numbers(scenario, PerceptionModel.perfect()))
-    plants = draw_plants(scenario, blocks[0], blocks[1])
+    law = Strip.of(scenario)
+    plants = draw_plants(law, *draw_blocks(generators, law.random_numbers))
     counts = plants.exists.sum(axis=1)
     mean = scenario.density_per_m2 * scenario.strip_m * scenario.band_m
     assert counts.mean() == pytest.approx(mean, rel=4.0 * counts.std() / np.sqrt(300) / mean)

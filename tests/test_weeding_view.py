@@ -9,17 +9,12 @@ import pytest
 
 import fieldgym  # noqa: F401
 from fieldgym.envs.dice import draw_blocks
-from fieldgym.envs.weeding.batch import nearest_crop, nearest_weed
 from fieldgym.envs.weeding.config import SCENARIOS, CartConfig
-from fieldgym.envs.weeding.drawing import (
-    draw_plants,
-    draw_tracks,
-    random_numbers,
-    track_capacity,
-    track_chance,
-)
+from fieldgym.envs.weeding.drawing import Strip, draw_plants
+from fieldgym.envs.weeding.gaps import LOOKED_AT, crop_gaps, weed_gaps
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.scene import SOIL
+from fieldgym.envs.weeding.sighting import Cameras, draw_tracks
 from fieldgym.envs.weeding.state import FAR_M
 from fieldgym.envs.weeding.tools.hoe.process import HoeProcessConfig
 from fieldgym.envs.weeding.tools.laser.calibration import MATCH_M, factors, kept, match
@@ -232,9 +227,11 @@ def test_pictures_follow_the_blade_into_the_ground_and_show_what_it_did(monkeypa
 
 def drawn(perception, worlds=200):
     generators = [np.random.default_rng(seed) for seed in range(worlds)]
-    blocks = draw_blocks(generators, random_numbers(SCENARIO, perception))
-    plants = draw_plants(SCENARIO, blocks[0], blocks[1])
-    return plants, draw_tracks(SCENARIO, CartConfig(), perception, plants, blocks[2], blocks[3])
+    law, cameras = Strip.of(SCENARIO), Cameras.of(SCENARIO, CartConfig(), perception)
+    room = SCENARIO.max_weeds
+    blocks = draw_blocks(generators, (*law.random_numbers, *cameras.random_numbers(room)))
+    plants = draw_plants(law, blocks[0], blocks[1])
+    return plants, draw_tracks(cameras, plants, blocks[2], blocks[3])
 
 
 def test_perfect_perception_reports_every_weed_where_and_what_it_is():
@@ -252,13 +249,18 @@ def test_perfect_perception_reports_every_weed_where_and_what_it_is():
 def test_the_model_finds_as_many_weeds_as_its_chances_say():
     model = replace(PerceptionModel.measured(), false_rates=(0.0, 0.0, 0.0))
     plants, tracks = drawn(model)
-    gaps = nearest_crop(plants.crop, plants.weed), nearest_weed(plants.weed)
-    chance = np.where(plants.exists, track_chance(model, plants.species, plants.stage, *gaps), 0.0)
+    chance = np.zeros(plants.exists.shape)
+    for row, there in enumerate(plants.exists):
+        crop_gap_m, weed_gap_m = crop_gaps(plants.crop[row], plants.weed[row]), weed_gaps(plants.weed[row], LOOKED_AT)
+        odds = np.array(model.odds_near_crop)[np.searchsorted(model.crop_gap_m, crop_gap_m)]
+        odds = odds * np.array(model.odds_near_weed)[np.searchsorted(model.weed_gap_m, weed_gap_m)]
+        recall = np.array(model.recall)[plants.species[row], plants.stage[row]]
+        chance[row] = np.where(there, recall * odds / (1.0 - recall + recall * odds), 0.0)
     assert np.all((chance >= 0.0) & (chance <= 1.0))
     spread = np.sqrt((chance * (1.0 - chance)).sum())
     # A few tracks end outside the treated band: they are not reported.
     assert tracks.count.sum() == pytest.approx(chance.sum(), abs=4.0 * spread + 0.02 * chance.sum())
-    assert tracks.count.max() <= track_capacity(SCENARIO, model)
+    assert tracks.count.max() <= Cameras.of(SCENARIO, CartConfig(), model).capacity(SCENARIO.max_weeds)
 
 
 def test_false_tracks_come_at_their_rates():
@@ -284,10 +286,10 @@ def test_nearest_weed_is_brute_force():
     weed = rng.uniform([0.0, -0.2], [2.0, 0.2], (4, 40, 2))
     weed = np.take_along_axis(weed, np.argsort(weed[..., 0], axis=1)[..., None], axis=1)
     gap = np.hypot(*(weed[:, :, None] - weed[:, None]).transpose(3, 0, 1, 2)) + 9.0 * np.eye(40)
-    assert np.allclose(nearest_weed(weed, 40), gap.min(axis=2))
+    assert np.allclose([weed_gaps(one, 40) for one in weed], gap.min(axis=2))
     # What stands within 2 cm is found although only the next six along are looked at.
     near = gap.min(axis=2) < 0.02
-    assert np.allclose(nearest_weed(weed)[near], gap.min(axis=2)[near])
+    assert np.allclose(np.array([weed_gaps(one, LOOKED_AT) for one in weed])[near], gap.min(axis=2)[near])
 
 
 def test_an_empty_class_of_sightings_is_refused():

@@ -8,13 +8,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernels import compiled
 from ..arrays import allocated, shaped
 from ..core import Array
 from ..field import Camera, Table
 from . import field
 from .config import ScenarioConfig
 from .field import WeedField
+from .gaps import nearest_weeds
 from .state import FAR_M
 from .timing import G, Ground
 
@@ -71,54 +71,6 @@ class Batch(NamedTuple):
     luck: Array | None = None
 
 
-@compiled
-def nearest_along(places_m: Array, along_m: Array) -> NDArray[np.int64]:
-    """Index (R, T) of the nearest of ascending places (R, N) to each of (R, T) along the row; of equals the first."""
-    rows, last = len(places_m), places_m.shape[1] - 1
-    result = np.empty(along_m.shape, np.int64)
-    for row in range(rows):
-        for k in range(along_m.shape[1]):
-            along = along_m[row, k]
-            low, high = 0, last + 1
-            while low < high:
-                middle = (low + high) // 2
-                if places_m[row, middle] < along:
-                    low = middle + 1
-                else:
-                    high = middle
-            left, right = max(low - 1, 0), min(low, last)
-            nearer = along - places_m[row, left] <= places_m[row, right] - along
-            result[row, k] = left if nearer else right
-    return result
-
-
-def crop_index(crop: Array, along_m: Array) -> NDArray[np.int64]:
-    """Index (R, T) of the crop plant (R, C, 2) that is nearest along, but for those without a neighbour on a side."""
-    return np.clip(nearest_along(crop[..., G.along], along_m), 1, crop.shape[1] - 2)
-
-
-def nearest_crop(crop: Array, place: Array) -> Array:
-    """Distance (R, T) from places (R, T, 2) to the nearest crop plant (R, C, 2) of the middle row."""
-    index = crop_index(crop, place[..., G.along])
-    best = np.full(place.shape[:-1], np.inf)
-    for step in (-1, 0, 1):
-        near = np.take_along_axis(crop, (index + step)[..., None], axis=1)
-        offset = near - place
-        best = np.minimum(best, np.hypot(offset[..., G.along], offset[..., G.across]))
-    return best
-
-
-def nearest_weed(weed: Array, looked_at: int = 6) -> Array:
-    """Distance (R, N) from weeds (R, N, 2), sorted along, to the nearest of the next ones on either side along."""
-    best = np.full(weed.shape[:-1], np.inf)
-    for step in range(1, min(looked_at, weed.shape[1] - 1) + 1):
-        offset = weed[:, step:] - weed[:, :-step]
-        gap = np.hypot(offset[..., G.along], offset[..., G.across])
-        np.minimum(best[:, step:], gap, out=best[:, step:])
-        np.minimum(best[:, :-step], gap, out=best[:, :-step])
-    return best
-
-
 def places(table: Table, along: str = "along_m", across: str = "across_m") -> Array:
     """Places (n, 2) of a table's rows."""
     return np.column_stack([getattr(table, along), getattr(table, across)])
@@ -153,7 +105,7 @@ def _tracks(plants: Plants, capacity: int, reports: Sequence[field.Reports]) -> 
         for name in ("species", "stage", "crop_gap_m"):
             getattr(tracks, name)[row, :n] = getattr(table, name)
         tracks.real[row, :n] = table.behind == 1
-    return tracks._replace(weed=nearest_along(plants.weed[..., G.along], tracks.aim[..., G.along]))
+    return tracks._replace(weed=nearest_weeds(plants.weed, tracks.aim))
 
 
 def unstack(batch: Batch, camera: Camera | None) -> list[WeedField]:

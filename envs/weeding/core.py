@@ -17,18 +17,21 @@ from ..dice import draw_blocks
 from ..drives import Servos
 from ..erring import ErringCore
 from ..field import Camera
-from .batch import Batch, crop_index, stack, unstack
+from .batch import Batch, stack, unstack
+from .beginning import Looks, begin_tracks, begin_worlds
 from .config import SPECIES, FieldTask
-from .drawing import draw_plants, draw_tracks, random_numbers, track_capacity
-from .features import LIMIT, Candidate, Machine, track_features
+from .drawing import Strip, draw_plants
+from .features import LIMIT, Candidate, Machine, show_tracks
 from .field import WeedField
 from .filling import REAL_M, completed, window
+from .gaps import crop_index, passed
 from .perception import PerceptionModel
 from .process import WeedingProcess
-from .rules import apply_worlds, legal_option, move_up_rows, plan_worlds
+from .rules import apply_worlds, legal_option, plan_worlds
 from .showing import decide_worlds, show_worlds
+from .sighting import Cameras, draw_tracks
 from .state import BLOCKS, CROP_KIND, MODES, PAD, WAIT, Common, N, Own, R, Rewards, WeederPlan, empty_worlds, tables_of
-from .timing import G, Moving, ready
+from .timing import G, Moving
 
 
 class WeederOutcome(NamedTuple):
@@ -81,12 +84,13 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         actions = (BLOCKS if config.speed_control else 1) * self.base_actions
         self.action_space = spaces.Discrete(actions)
         self.observation_space = observation_space(self, k, actions, LIMIT)
-        self._numbers = random_numbers(scenario, perception or PerceptionModel.perfect())
-        self._speed_m_s = config.speed_m_s
+        self._strip, self._speed_m_s = Strip.of(scenario), float(config.speed_m_s)
+        self._cameras = Cameras.of(scenario, config.cart, perception or PerceptionModel.perfect())
+        self._numbers = (*self._strip.random_numbers, *self._cameras.random_numbers(scenario.max_weeds))
         self.tables = tables_of(config, machine, process, perception.delay_s if perception else 0.0)
         # Weeds and crop plants lie in one array.
         self.weeds_end = self.tables.weeds_end
-        self.capacity = track_capacity(scenario, perception)
+        self.capacity = self._cameras.capacity(scenario.max_weeds) if perception else 4 * scenario.max_weeds
         self.state = empty_worlds(config, len(self.phase_names), self.capacity, worlds)
         self._drive(Servos.of(scenario.drives, *self.driven))
         b, plants = self.state.plant_dose.shape
@@ -117,13 +121,10 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw strips and what the statistical cameras make of them."""
-        config, luck = self.config, self.draw_luck(generators)
-        uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
-        plants = draw_plants(config.scenario, uniform, normal)
-        if self.perception is None:
-            return Batch(plants, None, luck)
-        tracks = draw_tracks(config.scenario, config.cart, self.perception, plants, camera_uniform, camera_normal)
-        return Batch(plants, tracks, luck)
+        luck = self.draw_luck(generators)
+        uniform, normal, *rest = draw_blocks(generators, self._numbers)
+        plants = draw_plants(self._strip, uniform, normal)
+        return Batch(plants, draw_tracks(self._cameras, plants, *rest) if self.perception else None, luck)
 
     def stack(self, fields: Sequence[WeedField]) -> Batch:
         """The batch of fields in which nothing is missing."""
@@ -136,51 +137,21 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
     def complete(self, field: Any, generator: np.random.Generator) -> WeedField:
         """A field with nothing missing; see ``filling``."""
         whole = super().complete(field, generator)
-        done = completed(self.config, self.perception, self.camera, whole, generator)
+        cameras = self._cameras if self.perception else None
+        done = completed(self.config, cameras, self.camera, whole, generator)
         return self.with_whole_luck(done, whole.drives, generator)
 
     def load(self, rows: Rows, batch: Batch) -> None:
         """Put strips into ``rows`` and the carts before their beginning, already driving."""
-        config, process, state = self.config, self.process, self.state
         plants, tracks, luck = batch
         self.take_luck(rows, luck)
-        weeds, crops = slice(PAD, self.weeds_end - PAD), slice(self.weeds_end, None)
-        along = plants.crop[..., G.along]
-        inside = (along >= 0.0) & (along <= config.scenario.strip_m)
-        state.plant[rows, weeds], state.plant[rows, crops] = plants.weed, plants.crop
-        state.plant_kind[rows, weeds] = plants.stage
-        tolerance = process.tolerance(plants.species, plants.stage, plants.luck)
-        state.plant_tolerance[rows, weeds] = np.where(plants.exists, tolerance, np.inf)
-        state.plant_tolerance[rows, crops] = np.where(inside, process.crop_tolerance(plants.crop_luck), np.inf)
-        state.plant_dose[rows] = 0.0
-        state.weeds[rows] = np.count_nonzero(plants.exists, axis=1)
-        state.crops_in_strip[rows] = np.count_nonzero(inside, axis=1)
-        self.plant_exists[rows, weeds], self.plant_exists[rows, crops] = plants.exists, inside
-        self.plant_species[rows, weeds] = plants.species
-        self.plant_look[rows, weeds] = plants.look
-        self.ground_look[rows] = plants.ground_look
-        self.episode[rows] += 1
-
-        state.totals[rows], state.phases_s[rows] = 0.0, 0.0
-        state.cart[rows] = -config.cart.start_m
-        state.speed[rows] = state.set_speed[rows] = self._speed_m_s
-        state.place[rows] = ready(self.machine, -config.cart.start_m)
-        state.track_count[rows], state.cursor[rows] = 0, 0
-        state.slot_track[rows] = self.capacity
+        looks = Looks(self.plant_exists, self.plant_species, self.plant_look, self.ground_look)
+        response, speed_m_s = self.process.response, self._speed_m_s
+        begin_worlds(self.tables, self.machine, response, self.state, looks, rows, plants, speed_m_s)
         if tracks is not None:
-            own = slice(None, self.capacity)
-            state.track_report[rows, own], state.track_aim[rows, own] = tracks.report, tracks.aim
-            along = tracks.report[..., G.along]
-            frames_m = self.perception.frames_m if self.perception else 0.0
-            state.track_known_m[rows, own] = along - config.cart.seen_ahead_m + frames_m
-            state.track_near[rows, own, N.weed] = tracks.weed
-            state.track_near[rows, own, N.crop] = crop_index(plants.crop, tracks.aim[..., G.along])
-            state.track_real[rows, own] = tracks.real
-            state.track_count[rows] = tracks.count
-            state.track_feature[rows, own] = track_features(
-                tracks.report[..., G.across], tracks.species, tracks.stage, tracks.crop_gap_m
-            )
-        move_up_rows(self.tables, state, rows)
+            seen_m, frames_m = self.config.cart.seen_ahead_m, self.perception.frames_m if self.perception else 0.0
+            begin_tracks(self.tables, self.state, rows, plants, tracks, float(seen_m), float(frames_m))
+        self.episode[rows] += 1
 
     def receive(
         self,
@@ -197,7 +168,7 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         """
         state, n = self.state, min(len(report), self.capacity)
         state.track_report[row, :n] = state.track_aim[row, :n] = report[:n]
-        state.track_feature[row, :n] = track_features(report[:n, G.across], species[:n], stage[:n], crop_gap_m[:n])
+        show_tracks(state.track_feature[row, :n], report[:n, G.across], species[:n], stage[:n], crop_gap_m[:n])
         state.track_count[row] = state.cursor[row] = n
         open_tracks = np.flatnonzero(~treated[:n] & (report[:n, G.along] >= state.cart[row] - self.tables.exit_m))
         nearest = open_tracks[np.argsort(report[open_tracks, G.along], kind="stable")][: self.config.slots]
@@ -223,8 +194,9 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         weeds = state.plant[row, PAD : self.weeds_end - PAD]
         nearest = int(np.argmin(np.abs(weeds[:, G.along] - along)))
         gap_m = np.hypot(*(weeds - state.track_aim[row, track]).T).min()
-        crop = crop_index(state.plant[row : row + 1, self.weeds_end :], along[None])[0]
-        state.track_near[row, track, N.weed], state.track_near[row, track, N.crop] = nearest, int(crop[0])
+        crops, along_m = state.plant[row, self.weeds_end :], float(along[0])
+        crop = crop_index(crops, along_m, passed(crops, along_m, 0))
+        state.track_near[row, track, N.weed], state.track_near[row, track, N.crop] = nearest, crop
         state.track_real[row, track] = bool(gap_m < REAL_M)
 
     def rules(self) -> tuple[Any, ...]:

@@ -1,240 +1,217 @@
-"""Draws strips of field: crop plants, weeds, and what the cameras would make of them.
+"""Draws strips of field: crop plants and weeds.
 
 Each world hands over one block of uniform and one of normal numbers for the field and one each for the cameras from
-its own generator; everything else is array arithmetic over the worlds, so a world's strip does not depend on how many
+its own generator; everything else follows from them world by world, so a world's strip does not depend on how many
 worlds are drawn beside it, and the field is the same whatever the perception is.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...kernels.sums import in_order
+from ...kernels import compiled, copy
+from ...kernels.orders import count_upto, rank
+from ..arrays import allocated
 from ..core import Array
 from ..dice import Block, poisson_table
-from .batch import Plants, Tracks, nearest_along, nearest_crop, nearest_weed
-from .config import CartConfig, ScenarioConfig
-from .perception import PerceptionModel, Q, SightingTable, within_gate
-from .state import FAR_M
+from .batch import Plants
+from .config import ScenarioConfig
 from .timing import G
 
 _MARGIN_M = 0.15
 """Clusters are centred up to three cluster sigmas outside the strip."""
+_MOST_SIGMAS = 3.0
+"""A crop plant strays no farther from its place."""
 
 
-def _table(mean: float) -> Array:
-    """Cumulative Poisson probabilities of 0, 1, ... up to where they no longer matter."""
-    return poisson_table(mean, 5.0, 3)
-
-
-def _counts(scenario: ScenarioConfig) -> tuple[Array, Array, Array]:
-    """Tables for the numbers of clusters, of weeds in a cluster, and of the background."""
-    length, width = scenario.strip_m + 2.0 * _MARGIN_M, scenario.band_m + 2.0 * _MARGIN_M
-    area = length * width
-    parents = scenario.clumped * scenario.density_per_m2 / scenario.cluster_size * area
-    background = (1.0 - scenario.clumped) * scenario.density_per_m2 * area
-    return _table(parents), _table(scenario.cluster_size), _table(background)
-
-
-def draw_plants(scenario: ScenarioConfig, uniform: Array, normal: Array) -> Plants:
-    """Grow the strips of R worlds from their random blocks (R, .).
+class Strip(NamedTuple):
+    """What a strip is grown from: the scenario in the shape that a kernel takes.
 
     Weeds are a Thomas process (Poisson cluster centres, Poisson numbers of weeds each, Gaussian places about the
     centre) over a Poisson background, on an area larger than the band by three cluster sigmas; those outside the
     band do not exist.
+
+    Attributes:
+        parents: cumulative Poisson probabilities of 0, 1, ... clusters.
+        cluster: the same of weeds in a cluster.
+        background: the same of weeds outside them.
+        low_m: along and across, where the area begins.
+        size_m: its size, along and across.
+        sigma_m: of a weed's distance from its cluster's centre, per axis.
+        length_m: of the strip.
+        half_width_m: of the band.
+        stages: cumulative shares of the stages.
+        grass_share: of the weeds.
+        pitch_m: of the crop plants.
+        jitter_m: of their places, along and across.
+        drawn: weeds that are drawn on the area.
+        weeds: most weeds of the strip.
+        crops: crop plants.
     """
-    u, z = Block(uniform), Block(normal)
-    rows, n = len(uniform), scenario.max_weeds
-    parents, cluster, background = _counts(scenario)
-    low = np.array([-_MARGIN_M, -0.5 * scenario.band_m - _MARGIN_M])
-    size = np.array([scenario.strip_m, scenario.band_m]) + 2.0 * _MARGIN_M
-    centre = low + size * u.take(len(parents), 2)
-    number = np.searchsorted(cluster, u.take(len(parents)), side="right")
-    number *= np.arange(len(parents)) < np.searchsorted(parents, u.take(1), side="right")
-    loose = np.searchsorted(background, u.take(1)[:, 0], side="right")
-    # Weed j of a world belongs to the cluster in whose turn it is; after the clusters comes the background.
-    ends = np.concatenate([np.zeros((rows, 1), np.int64), number.cumsum(axis=1)], axis=1)
-    total = ends[:, -1]
-    limit = _draws(scenario)
-    owner = np.zeros((rows, limit), np.int64)
-    first = ends[:, :-1] + limit * np.arange(rows)[:, None]
-    marks = np.bincount(first[(number > 0) & (ends[:, :-1] < limit)], minlength=rows * limit)
-    which = np.flatnonzero(number.reshape(-1) > 0)
-    begun = marks.cumsum()
-    within = np.arange(limit) < np.minimum(total, limit)[:, None]
-    if len(which):
-        kept = which[(ends[:, :-1].reshape(-1)[which] < limit)]
-        owner = np.where(within, kept[np.maximum(begun - 1, 0)].reshape(rows, limit), 0)
-    place_u, place_z = u.take(limit, 2), z.take(limit, 2)
-    clustered = centre.reshape(-1, 2).take(owner, axis=0) if len(parents) else np.zeros((rows, limit, 2))
-    clustered = clustered + scenario.cluster_sigma_m * place_z
-    place = np.where(within[..., None], clustered, low + size * place_u)
-    there = np.arange(limit) < np.minimum(total + loose, limit)[:, None]
-    there &= (place[..., G.along] >= 0.0) & (place[..., G.along] <= scenario.strip_m)
-    there &= np.abs(place[..., G.across]) <= 0.5 * scenario.band_m
-    order = np.argsort(np.where(there, place[..., G.along], FAR_M), axis=1, kind="stable")[:, :n]
-    exists = np.take_along_axis(there, order, axis=1)
-    weed = np.where(exists[..., None], np.take_along_axis(place, order[..., None], axis=1), FAR_M)
 
-    stage_u = u.take(n)
-    limits = np.cumsum(scenario.stage_shares)
-    stage = (stage_u > limits[0]).astype(np.int64) + (stage_u > limits[1])
-    species = (u.take(n) < scenario.grass_share).astype(np.int64)
-    luck, look = u.take(n), u.take(n)
-    crops = scenario.crops
-    crop = np.zeros((rows, crops, 2))
-    crop[..., G.along] = scenario.crop_pitch_m * (np.arange(crops) - 0.5)
-    crop += np.asarray(scenario.crop_jitter_m) * np.clip(z.take(crops, 2), -3.0, 3.0)
-    crop_luck = u.take(crops)
-    # Where plants stand nearer than they stray, a later one may stand before an earlier one.
-    order = np.argsort(crop[..., G.along], axis=1, kind="stable")
-    crop = np.take_along_axis(crop, order[..., None], axis=1)
-    return Plants(weed, exists, species, stage, luck, look, crop, crop_luck, crop_luck[:, -1])
+    parents: Array
+    cluster: Array
+    background: Array
+    low_m: tuple[float, float]
+    size_m: tuple[float, float]
+    sigma_m: float
+    length_m: float
+    half_width_m: float
+    stages: tuple[float, float]
+    grass_share: float
+    pitch_m: float
+    jitter_m: tuple[float, float]
+    drawn: int
+    weeds: int
+    crops: int
 
+    @classmethod
+    def of(cls, scenario: ScenarioConfig) -> Strip:
+        """The numbers of a scenario."""
+        length, width = scenario.strip_m + 2.0 * _MARGIN_M, scenario.band_m + 2.0 * _MARGIN_M
+        expected = scenario.density_per_m2 * length * width
+        area = length * width
+        parents = poisson_sums(scenario.clumped * scenario.density_per_m2 / scenario.cluster_size * area)
+        background = poisson_sums((1.0 - scenario.clumped) * scenario.density_per_m2 * area)
+        # Variance of a cluster process's count: mean times (1 + cluster size) for the clumped part. Beyond five
+        # standard deviations nothing is kept.
+        spread = np.sqrt(expected * (1.0 + scenario.clumped * scenario.cluster_size))
+        drawn = int(np.ceil(expected + 5.0 * spread)) if len(parents) else len(background)
+        first, second, _ = np.cumsum(scenario.stage_shares).tolist()
+        return cls(
+            parents=parents,
+            cluster=poisson_sums(scenario.cluster_size),
+            background=background,
+            low_m=(-_MARGIN_M, -0.5 * scenario.band_m - _MARGIN_M),
+            size_m=(length, width),
+            sigma_m=float(scenario.cluster_sigma_m),
+            length_m=float(scenario.strip_m),
+            half_width_m=0.5 * scenario.band_m,
+            stages=(first, second),
+            grass_share=float(scenario.grass_share),
+            pitch_m=float(scenario.crop_pitch_m),
+            jitter_m=(float(scenario.crop_jitter_m[0]), float(scenario.crop_jitter_m[1])),
+            drawn=max(drawn, scenario.max_weeds),
+            weeds=int(scenario.max_weeds),
+            crops=int(scenario.crops),
+        )
 
-def _draws(scenario: ScenarioConfig) -> int:
-    """Weeds that are drawn on the enlarged area; beyond five standard deviations nothing is kept."""
-    parents, _, background = _counts(scenario)
-    if not len(parents):
-        return max(len(background), scenario.max_weeds)
-    mean = scenario.density_per_m2 * (scenario.strip_m + 2.0 * _MARGIN_M) * (scenario.band_m + 2.0 * _MARGIN_M)
-    # Variance of a cluster process's count: mean times (1 + cluster size) for the clumped part.
-    spread = np.sqrt(mean * (1.0 + scenario.clumped * scenario.cluster_size))
-    return max(int(np.ceil(mean + 5.0 * spread)), scenario.max_weeds)
+    @property
+    def random_numbers(self) -> tuple[int, int]:
+        """Uniform and normal numbers that a world's strip is drawn from."""
+        uniform = 3 * len(self.parents) + 2 + 2 * self.drawn + 4 * self.weeds + self.crops
+        return uniform, 2 * self.drawn + 2 * self.crops
 
 
-def false_means(scenario: ScenarioConfig, perception: PerceptionModel) -> tuple[float, float, float]:
-    """Expected false tracks of a strip: parts of weeds, at crop plants, elsewhere."""
-    area = scenario.strip_m * scenario.band_m
-    at_weed, at_crop, loose = perception.false_rates
-    return at_weed * scenario.density_per_m2 * area, at_crop * _crops_inside(scenario), loose * area
+class Chances(NamedTuple):
+    """The random numbers of R strips, in the order in which they lie in the blocks; normal ones end in ``_z``."""
+
+    centre: Array
+    number: Array
+    clusters: Array
+    loose: Array
+    place: Array
+    stage: Array
+    species: Array
+    luck: Array
+    look: Array
+    crop_luck: Array
+    place_z: Array
+    crop_z: Array
+
+    @classmethod
+    def of(cls, strip: Strip, uniform: Array, normal: Array) -> Chances:
+        """Cut the blocks (R, .)."""
+        u, z, parents = Block(uniform), Block(normal), len(strip.parents)
+        return cls(
+            centre=u.take(parents, 2),
+            number=u.take(parents),
+            clusters=u.take(1),
+            loose=u.take(1),
+            place=u.take(strip.drawn, 2),
+            stage=u.take(strip.weeds),
+            species=u.take(strip.weeds),
+            luck=u.take(strip.weeds),
+            look=u.take(strip.weeds),
+            crop_luck=u.take(strip.crops),
+            place_z=z.take(strip.drawn, 2),
+            crop_z=z.take(strip.crops, 2),
+        )
 
 
-def _crops_inside(scenario: ScenarioConfig) -> int:
-    """Crop plants whose undisturbed places lie in the strip; the first of them has index 1."""
-    return scenario.crops - 3
+def poisson_sums(mean: float) -> Array:
+    """Cumulative Poisson probabilities of 0, 1, ... up to where they no longer matter."""
+    return poisson_table(mean, 5.0, 3)
 
 
-def track_capacity(scenario: ScenarioConfig, perception: PerceptionModel | None) -> int:
-    """Most tracks of a strip."""
-    if perception is None:
-        return 4 * scenario.max_weeds
-    return scenario.max_weeds + len(_table(in_order(false_means(scenario, perception))))
+def draw_plants(strip: Strip, uniform: Array, normal: Array) -> Plants:
+    """Grow the strips of R worlds from their random blocks (R, .)."""
+    plants = allocated(Plants, len(uniform), weeds=strip.weeds, crops=strip.crops)
+    grow(strip, Chances.of(strip, uniform, normal), plants)
+    return plants
 
 
-def random_numbers(scenario: ScenarioConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
-    """Lengths of a world's blocks: uniform and normal numbers for the field, then for the cameras."""
-    parents, _, _ = _counts(scenario)
-    n, limit, crops = scenario.max_weeds, _draws(scenario), scenario.crops
-    false = track_capacity(scenario, perception) - n
-    field = 3 * len(parents) + 2 + 2 * limit + 4 * n + crops
-    return field, 2 * limit + 2 * crops, 1 + 2 * n + 5 * false, 1
+@compiled
+def grow(strip: Strip, chances: Chances, plants: Plants) -> None:
+    """Let weeds and crop plants of R worlds grow from their chances."""
+    place, along = np.empty((strip.drawn + 1, len(G))), np.empty(strip.drawn)
+    room = max(strip.drawn, strip.crops)
+    order, spare = np.empty(room, np.int64), np.empty(room, np.int64)
+    crop = np.empty((strip.crops, len(G)))
+    for r in range(len(plants.exists)):
+        count = lay_weeds(strip, chances, r, place)
+        for j in range(count):
+            along[j] = place[j, G.along]
+        rank(along[:count], order, spare)
+        for i in range(min(count, strip.weeds)):
+            plants.exists[r, i] = True
+            plants.weed[r, i, G.along] = place[order[i], G.along]
+            plants.weed[r, i, G.across] = place[order[i], G.across]
+        stage, species = plants.stage[r], plants.species[r]
+        for i in range(strip.weeds):
+            lot = chances.stage[r, i]
+            stage[i] = (1 if lot > strip.stages[0] else 0) + (1 if lot > strip.stages[1] else 0)
+            species[i] = 1 if chances.species[r, i] < strip.grass_share else 0
+        copy(chances.luck[r], plants.luck[r])
+        copy(chances.look[r], plants.look[r])
+        for i in range(strip.crops):
+            stray_along = min(max(chances.crop_z[r, i, G.along], -_MOST_SIGMAS), _MOST_SIGMAS)
+            stray_across = min(max(chances.crop_z[r, i, G.across], -_MOST_SIGMAS), _MOST_SIGMAS)
+            crop[i, G.along] = strip.pitch_m * (i - 0.5) + strip.jitter_m[G.along] * stray_along
+            crop[i, G.across] = 0.0 + strip.jitter_m[G.across] * stray_across
+        # Where plants stand nearer than they stray, a later one may stand before an earlier one.
+        rank(crop[:, G.along], order, spare)
+        for i in range(strip.crops):
+            plants.crop[r, i, G.along] = crop[order[i], G.along]
+            plants.crop[r, i, G.across] = crop[order[i], G.across]
+        copy(chances.crop_luck[r], plants.crop_luck[r])
+        plants.ground_look[r] = chances.crop_luck[r, strip.crops - 1]
 
 
-def draw_tracks(
-    scenario: ScenarioConfig,
-    cart: CartConfig,
-    perception: PerceptionModel,
-    plants: Plants,
-    uniform: Array,
-    normal: Array,
-) -> Tracks:
-    """What the statistical cameras make of R worlds, from random blocks (R, .) of their own."""
-    u = Block(uniform)
-    n = plants.exists.shape[1]
-    chances, lots = u.take(n), u.take(n)
-    false_place, false_there, false_sighting = _draw_false(scenario, perception, plants, u)
-    # Strips are far from full: what does not exist lies at the end and is not worked through.
-    used = max(int(np.count_nonzero(plants.exists, axis=1).max()), 1)
-    weed, species, stage = plants.weed[:, :used], plants.species[:, :used], plants.stage[:, :used]
-    crop_gap, weed_gap = nearest_crop(plants.crop, weed), nearest_weed(weed)
-    noticed = chances[:, :used] < track_chance(perception, species, stage, crop_gap, weed_gap)
-    kind = 6 * neighbourhood(perception, crop_gap, weed_gap) + 3 * species + stage
-    sighting = _draw_sightings(perception.sighting_table, kind, lots[:, :used])
-
-    place = np.concatenate([weed, false_place], axis=1)
-    sighting = np.concatenate([sighting, false_sighting], axis=1)
-    there = np.concatenate([noticed & plants.exists[:, :used], false_there], axis=1)
-    # From the front camera's view to the tool the odometry carries a track along the strip.
-    report = place + sighting[..., [Q.along, Q.across]]
-    report[..., G.along] += cart.unseen_m * perception.drift_share * normal
-    seen = place + sighting[..., [Q.aim_along, Q.aim_across]]
-    aim = np.where((sighting[..., Q.found] > 0.0)[..., None] & within_gate(seen, report), seen, report)
-    there &= np.abs(report[..., G.across]) <= 0.5 * scenario.band_m
-    gap = np.concatenate([crop_gap, nearest_crop(plants.crop, report[:, used:])], axis=1)
-
-    count = np.count_nonzero(there, axis=1)
-    order = np.argsort(np.where(there, report[..., G.along], FAR_M), axis=1, kind="stable")[:, : count.max()]
-    there = np.take_along_axis(there, order, axis=1)
-    shape = len(uniform), track_capacity(scenario, perception)
-
-    def pick(values: NDArray[Any], empty: float) -> NDArray[Any]:
-        full = np.full(shape + values.shape[2:], empty, values.dtype)
-        if values.ndim == 3:
-            full[:, : order.shape[1]] = np.where(
-                there[..., None], np.take_along_axis(values, order[..., None], axis=1), empty
-            )
-        else:
-            full[:, : order.shape[1]] = np.where(there, np.take_along_axis(values, order, axis=1), empty)
-        return full
-
-    report, aim = pick(report, FAR_M), pick(aim, FAR_M)
-    weeds = np.zeros(shape, np.int64)
-    weeds[:, : order.shape[1]] = nearest_along(plants.weed[..., G.along], aim[:, : order.shape[1], G.along])
-    real = np.zeros(shape, bool)
-    real[:, : order.shape[1]] = there & (order < used)
-    return Tracks(
-        report=report,
-        aim=aim,
-        weed=weeds,
-        real=real,
-        species=pick(sighting[..., Q.species], 0.0).astype(np.int64),
-        stage=pick(sighting[..., Q.stage], 0.0).astype(np.int64),
-        crop_gap_m=pick(gap, 0.0),
-        count=count,
-    )
+@compiled
+def lay_weeds(strip: Strip, chances: Chances, r: int, place: Array) -> int:
+    """Write the places of a world's weeds, cluster by cluster and then the background; gives how many there are."""
+    low_m, size_m, sigma_m, drawn, kept = strip.low_m, strip.size_m, strip.sigma_m, 0, 0
+    centre, evenly, normal = chances.centre[r], chances.place[r], chances.place_z[r]
+    for parent in range(count_upto(strip.parents, chances.clusters[r, 0])):
+        centre_along = low_m[G.along] + size_m[G.along] * centre[parent, G.along]
+        centre_across = low_m[G.across] + size_m[G.across] * centre[parent, G.across]
+        for _ in range(min(count_upto(strip.cluster, chances.number[r, parent]), strip.drawn - drawn)):
+            place[kept, G.along] = centre_along + sigma_m * normal[drawn, G.along]
+            place[kept, G.across] = centre_across + sigma_m * normal[drawn, G.across]
+            drawn += 1
+            kept += grows(strip.length_m, strip.half_width_m, place[kept, G.along], place[kept, G.across])
+    for _ in range(min(count_upto(strip.background, chances.loose[r, 0]), strip.drawn - drawn)):
+        place[kept, G.along] = low_m[G.along] + size_m[G.along] * evenly[drawn, G.along]
+        place[kept, G.across] = low_m[G.across] + size_m[G.across] * evenly[drawn, G.across]
+        drawn += 1
+        kept += grows(strip.length_m, strip.half_width_m, place[kept, G.along], place[kept, G.across])
+    return kept
 
 
-def track_chance(
-    perception: PerceptionModel, species: NDArray[np.int64], stage: NDArray[np.int64], crop_gap: Array, weed_gap: Array
-) -> Array:
-    """Probability (...) that weeds become tracks: the odds of a kind times those of its neighbourhood."""
-    recall = np.asarray(perception.recall)[species, stage]
-    odds = np.asarray(perception.odds_near_crop)[np.searchsorted(perception.crop_gap_m, crop_gap)]
-    odds = odds * np.asarray(perception.odds_near_weed)[np.searchsorted(perception.weed_gap_m, weed_gap)]
-    return recall * odds / (1.0 - recall + recall * odds)
-
-
-def neighbourhood(perception: PerceptionModel, crop_gap: Array, weed_gap: Array) -> NDArray[np.int64]:
-    """0 where a weed stands alone, 1 beside another weed, 2 at a crop plant (...)."""
-    near_crop, near_weed = crop_gap < perception.crowded_m[0], weed_gap < perception.crowded_m[1]
-    return np.where(near_crop, 2, near_weed.astype(np.int64))
-
-
-def _draw_sightings(table: SightingTable, kind: NDArray[np.int64], lots: Array) -> Array:
-    """One sighting (..., 7) of each one's class."""
-    return table.rows[table.first[kind] + (table.holds[kind] * lots).astype(np.int64)]
-
-
-def _draw_false(
-    scenario: ScenarioConfig, perception: PerceptionModel, plants: Plants, u: Block
-) -> tuple[Array, NDArray[np.bool_], Array]:
-    """Owners' places (R, G, 2) of the false tracks, which of them there are, and their sightings (R, G, 7)."""
-    means = false_means(scenario, perception)
-    table = _table(in_order(means))
-    g = len(table)
-    there = np.arange(g) < np.searchsorted(table, u.take(1), side="right")
-    limits = np.cumsum(means) / max(in_order(means), 1e-12)
-    lots = u.take(g)
-    kind = (lots > limits[0]).astype(np.int64) + (lots > limits[1])
-    weeds = np.count_nonzero(plants.exists, axis=1)[:, None]
-    lots = u.take(g)
-    weed = np.take_along_axis(plants.weed, (weeds * lots).astype(np.int64)[..., None], axis=1)
-    crop = np.take_along_axis(plants.crop, 1 + (_crops_inside(scenario) * lots).astype(np.int64)[..., None], axis=1)
-    loose = u.take(g, 2) * [scenario.strip_m, scenario.band_m] - [0.0, 0.5 * scenario.band_m]
-    owner = np.where((kind == 0)[..., None], weed, np.where((kind == 1)[..., None], crop, loose))
-    there &= (kind > 0) | (weeds > 0)
-    return owner, there, _draw_sightings(perception.false_table, kind, u.take(g))
+@compiled
+def grows(length_m: float, half_width_m: float, along_m: float, across_m: float) -> int:
+    """1 for a place within the band of a strip."""
+    return 1 if 0.0 <= along_m <= length_m and abs(across_m) <= half_width_m else 0

@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...kernels import compiled, fill
 from ..columns import Says, numbered, table_of
 from ..core import Array
 
@@ -63,14 +64,25 @@ candidate_table = table_of(Candidate)
 """Candidates (..., K, F) of an observation, one column a name of ``Candidate``."""
 
 
-def track_features(
-    across_m: Array, species: NDArray[np.int64], stage: NDArray[np.int64], crop_gap_m: Array
-) -> NDArray[np.float32]:
-    """What policies are shown of tracks (..., T) that does not depend on where the machine is."""
-    feature = np.zeros((*species.shape, len(C)), np.float32)
-    feature[..., C.present] = 1.0
-    feature[..., C.across] = np.clip(across_m * (1.0 / ACROSS_SCALE_M), -LIMIT, LIMIT)
-    feature[..., C.grass] = species
-    feature[..., C.cotyledon : C.four_leaf + 1] = stage[..., None] == np.arange(C.four_leaf + 1 - C.cotyledon)
-    feature[..., C.crop_gap] = np.minimum(crop_gap_m * (1.0 / CROP_GAP_SCALE_M), CROP_GAP_LIMIT)
-    return feature
+@compiled
+def show_track(feature: NDArray[np.float32], across_m: float, species: int, stage: int, crop_gap_m: float) -> None:
+    """Write what policies are shown of a track that does not depend on where the machine is, see ``Candidate``."""
+    fill(feature, 0.0)
+    feature[C.present] = 1.0
+    feature[C.across] = min(max(across_m * (1.0 / ACROSS_SCALE_M), -LIMIT), LIMIT)
+    feature[C.grass] = species
+    feature[C.cotyledon + stage] = 1.0
+    feature[C.crop_gap] = min(crop_gap_m * (1.0 / CROP_GAP_SCALE_M), CROP_GAP_LIMIT)
+
+
+@compiled
+def show_tracks(
+    features: NDArray[np.float32],
+    across_m: Array,
+    species: NDArray[np.int64],
+    stage: NDArray[np.int64],
+    crop_gap_m: Array,
+) -> None:
+    """``show_track`` of tracks (n, F)."""
+    for i in range(len(features)):
+        show_track(features[i], across_m[i], species[i], stage[i], crop_gap_m[i])

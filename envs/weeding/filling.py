@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..field import Array, Camera, FieldError, TableT, repeated
-from .batch import Batch, nearest_crop, places, stack, unstack
+from .batch import Batch, places, stack, unstack
 from .config import FieldTask, ScenarioConfig
-from .drawing import draw_tracks, random_numbers, track_capacity
 from .field import Crops, Ground, Reports, WeedField, Weeds
-from .perception import PerceptionModel
+from .gaps import crop_gaps
+from .sighting import Cameras, draw_tracks
 
 REAL_M = 0.02
 """A track has a weed behind it when one stands this near to where it is shot at."""
@@ -19,7 +19,7 @@ REAL_M = 0.02
 
 def completed(
     config: FieldTask,
-    perception: PerceptionModel | None,
+    cameras: Cameras | None,
     camera: Camera | None,
     field: WeedField,
     generator: np.random.Generator,
@@ -30,7 +30,7 @@ def completed(
 
     Args:
         config: the task's numbers.
-        perception: the statistical cameras, None where pictures are rendered.
+        cameras: the statistical cameras, None where pictures are rendered.
         camera: their sign in fields.
         field: every value in its column's range; only what the task fills in is missing.
         generator: draws what is drawn.
@@ -45,15 +45,15 @@ def completed(
         raise FieldError(f"{len(ground)} rows: the ground has one, leave the others out", "ground", 1)
     crops = _whole_crops(scenario, field.crops, generator)
     bare = WeedField(_along(field.weeds), _along(crops), ground)
-    if perception is None:
+    if cameras is None:
         return bare
     assert camera is not None
     if field.reports is not None and (field.camera is None or field.camera.code.tolist() == camera.code.tolist()):
-        return replace(bare, reports=_whole_reports(config, perception, bare, field.reports), camera=field.camera)
-    *_, uniform, normal = random_numbers(scenario, perception)
+        return replace(bare, reports=_whole_reports(config, cameras, bare, field.reports), camera=field.camera)
+    uniform, normal = cameras.random_numbers(scenario.max_weeds)
     plants = stack(scenario, 0, [bare]).plants
     luck = generator.random((1, uniform)), generator.standard_normal((1, normal))
-    return unstack(Batch(plants, draw_tracks(scenario, config.cart, perception, plants, *luck)), camera)[0]
+    return unstack(Batch(plants, draw_tracks(cameras, plants, *luck)), camera)[0]
 
 
 def window(scenario: ScenarioConfig) -> dict[str, tuple[float, float]]:
@@ -80,16 +80,16 @@ def _whole_crops(scenario: ScenarioConfig, crops: Crops | None, generator: np.ra
     return crops
 
 
-def _whole_reports(config: FieldTask, perception: PerceptionModel, bare: WeedField, reports: Reports) -> Reports:
+def _whole_reports(config: FieldTask, cameras: Cameras, bare: WeedField, reports: Reports) -> Reports:
     """Reports that aim where they say and know what is near."""
     scenario = config.scenario
-    reports.keep_to("reports", track_capacity(scenario, perception), "raise scenario.max_weeds")
+    reports.keep_to("reports", cameras.capacity(scenario.max_weeds), "raise scenario.max_weeds")
     reports.keep_within("reports", "across_m", *window(scenario)["across_m"], "band")
-    crop = stack(scenario, 0, [bare]).plants.crop
+    crop = stack(scenario, 0, [bare]).plants.crop[0]
     reports = reports.given(
         aim_along_m=reports.along_m,
         aim_across_m=reports.across_m,
-        crop_gap_m=nearest_crop(crop, places(reports)[None])[0],
+        crop_gap_m=crop_gaps(crop, places(reports)),
     )
     aim = places(reports, "aim_along_m", "aim_across_m")
     return _along(reports.given(behind=_nearest_m(places(bare.weeds), aim) < REAL_M))

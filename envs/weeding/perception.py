@@ -154,12 +154,6 @@ def uncorrected(model: PerceptionModel) -> PerceptionModel:
     return replace(model, sightings=blind(model.sightings), false_sightings=blind(model.false_sightings))
 
 
-def within_gate(seen_m: Array, told_m: Array) -> NDArray[np.bool_]:
-    """Whether plants (..., 2) are near enough to where the tool camera was told to look (..., 2) for it, (..., 1)."""
-    offset = seen_m - told_m
-    return (offset * offset).sum(axis=-1, keepdims=True) <= TOOL_GATE_M * TOOL_GATE_M
-
-
 def _table(classes: Sightings) -> SightingTable:
     count = np.array([len(rows) for rows in classes])
     return SightingTable(np.array([row for rows in classes for row in rows]), count.cumsum() - count, count)

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...kernels import by_kind
 from ..core import Array
+from .response import Response
 
 
 class WeedingProcess(Protocol):
@@ -38,13 +36,8 @@ class WeedingProcess(Protocol):
     energy_j: Array
     """Energy (M,) by mode."""
 
-    def tolerance(self, species: NDArray[np.int64], stage: NDArray[np.int64], luck: Array) -> Array:
-        """Dose (...) that kills each weed; ``luck`` is uniform in (0, 1)."""
-        ...
-
-    def crop_tolerance(self, luck: Array) -> Array:
-        """Dose (...) that kills each crop plant."""
-        ...
+    response: Response
+    """What plants can take."""
 
 
 @by_kind

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...kernels import compiled
 from ...kernels.elementary import power
 from ..core import Array
 from .config import SPECIES, STAGES
@@ -49,14 +51,6 @@ class Response(NamedTuple):
         """Probability that a dose kills a crop plant."""
         return 1.0 / (1.0 + power(self.crop_half / np.maximum(dose, 1e-9), self.crop_slope))
 
-    def tolerance(self, species: NDArray[np.int64], stage: NDArray[np.int64], luck: Array) -> Array:
-        """Dose (...) that kills each weed: the logistic's quantile, ``luck`` uniform in (0, 1)."""
-        return self.half_of(species, stage) * power(luck / (1.0 - luck), 1.0 / self.slope)
-
-    def crop_tolerance(self, luck: Array) -> Array:
-        """Dose (...) that kills each crop plant."""
-        return self.crop_half * power(luck / (1.0 - luck), 1.0 / self.crop_slope)
-
     def chances(self) -> Array:
         """Expected probability (species, stage, mode) of a kill."""
         species, stage = np.meshgrid(np.arange(len(SPECIES)), np.arange(len(STAGES)), indexing="ij")
@@ -66,3 +60,16 @@ class Response(NamedTuple):
         """Mode (species, stage) that a kind calls for: the lowest that is expected to kill enough, else the highest."""
         enough = self.chances() >= LABEL_KILL
         return np.where(enough.any(axis=-1), enough.argmax(axis=-1), enough.shape[-1] - 1)
+
+
+@compiled
+def tolerance(response: Response, species: int, stage: int, luck: float) -> float:
+    """Dose that kills a weed: the logistic's quantile, ``luck`` uniform in (0, 1)."""
+    half = response.half * response.stage_factor[stage] * (response.grass_factor if species == 1 else 1.0)
+    return half * math.pow(luck / (1.0 - luck), 1.0 / response.slope)
+
+
+@compiled
+def crop_tolerance(response: Response, luck: float) -> float:
+    """Dose that kills a crop plant, as ``tolerance``."""
+    return response.crop_half * math.pow(luck / (1.0 - luck), 1.0 / response.crop_slope)

@@ -195,10 +195,3 @@ def move_up(tables: Tables, worlds: Worlds, w: int) -> None:
     worlds.cursor[w] = cursor
     for k in range(filled, slots):
         worlds.slot_track[w, k] = empty
-
-
-@compiled
-def move_up_rows(tables: Tables, worlds: Worlds, rows: NDArray[np.int64]) -> None:
-    """``move_up`` in the worlds ``rows``."""
-    for w in rows:
-        move_up(tables, worlds, w)

@@ -217,6 +217,5 @@ class HoeProcess:
 
     def __init__(self, config: HoeProcessConfig):
         """Tabulate by intensity."""
-        self.work, response = Stir.of(config), config.response
-        self.tolerance, self.crop_tolerance = response.tolerance, response.crop_tolerance
+        self.work, self.response = Stir.of(config), config.response
         self.energy_j, self.work_s = config.energy_j, config.work_s

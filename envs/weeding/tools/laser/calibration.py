@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....pairing import nearest_pairs
-from ...batch import nearest_crop, nearest_weed
 from ...config import SCENARIOS
-from ...drawing import neighbourhood
-from ...perception import PerceptionModel
+from ...gaps import LOOKED_AT, crop_gaps, weed_gaps
+from ...sighting import neighbourhood
 from ...view import DELAY_S, DRIFT_SHARE, SAME_M, FrontCamera
 from .config import WeedingConfig
 from .env import laser_core
@@ -137,7 +136,7 @@ def join(config: WeedingConfig, all_seen: list[Seen], counts: dict[str, int]) ->
     for s in all_seen:
         # A track belongs to the weed that it shows, or to the one that the tool would be used on.
         pairs = {b: a for a, b in match(s.place, s.weed, s.aim)}
-        gaps = nearest_crop(s.crop[None], s.weed[None])[0], nearest_weed(s.weed[None])[0]
+        gaps = crop_gaps(s.crop, s.weed), weed_gaps(s.weed, LOOKED_AT)
         weeds.append(np.column_stack([s.kind, *gaps]))
         for j in range(len(s.weed)):
             i = pairs.get(j)
@@ -203,8 +202,7 @@ def fit(parts: list[Strips]) -> dict[str, Any]:
     bins = kind, np.searchsorted(CROP_GAP_M, weeds[:, 2]), np.searchsorted(WEED_GAP_M, weeds[:, 3])
     odds = factors(bins, (6, len(CROP_GAP_M) + 1, len(WEED_GAP_M) + 1), found)
     recall = odds[0] / (1.0 + odds[0])
-    shape = replace(PerceptionModel.perfect(), crowded_m=CROWDED_M)
-    table = 6 * neighbourhood(shape, weeds[:, 2], weeds[:, 3]) + kind
+    table = 6 * np.array([neighbourhood(CROWDED_M, *gaps_m) for gaps_m in weeds[:, 2:4].tolist()]) + kind
     totals = [sum(len(p.false[c]) for p in parts) for c in range(3)]
     per = len(weeds), sum(p.crops for p in parts), sum(p.area_m2 for p in parts)
     after = np.concatenate([p.after_m for p in parts])

@@ -120,7 +120,6 @@ class LaserProcess:
 
     def __init__(self, config: ProcessConfig):
         """Tabulate by dose level."""
-        self.work, response = Burn.of(config), config.response
-        self.tolerance, self.crop_tolerance = response.tolerance, response.crop_tolerance
+        self.work, self.response = Burn.of(config), config.response
         self.energy_j = np.array(config.dose_j, float)
         self.work_s = np.column_stack([np.full(len(DOSES), config.correct_s), self.energy_j / config.power_w])

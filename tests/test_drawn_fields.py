@@ -1,0 +1,89 @@
+"""What is drawn from a generator stays what it was: fields of every scenario, by digests that were taken down once."""
+
+import hashlib
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fieldgym.envs import env_ids, task
+
+SEEDS = 3, 8
+TAKEN_DOWN: dict[str, dict[str, str]] = {
+    "fieldgym/SafflowerPicking-v0": {
+        "pots": "c91f215a6887383b",
+        "row-sparse": "0e5499d9578dcc0f",
+        "row": "bf26c6c3cfdbfff2",
+        "row-dense": "f7cd7aa1698f3286",
+    },
+    "fieldgym/TrayTransplanting-v0": {
+        "fill-low": "7dde9944654b5331",
+        "fill": "323053e3f3b0c524",
+        "fill-high": "be38b161ac5cf699",
+        "replug-low": "59dc1c74557255ca",
+        "replug": "625a7ecbfa2c6f9e",
+        "replug-high": "047b3caad9a7c8fb",
+    },
+    "fieldgym/LaserWeeding-v0": {
+        "load-0.7": "d3cdc8f01e084b11",
+        "load-1.0": "d3cdc8f01e084b11",
+        "load-1.25": "d3cdc8f01e084b11",
+        "load-1.6": "d3cdc8f01e084b11",
+        "load-1.0-even": "2be4374e2966ccf6",
+        "load-1.6-even": "2be4374e2966ccf6",
+        "dense": "369f0d405d9768a9",
+    },
+    "fieldgym/HoeWeeding-v0": {
+        "load-0.7": "41dbe97ea0e48943",
+        "load-1.0": "41dbe97ea0e48943",
+        "load-1.25": "41dbe97ea0e48943",
+        "load-1.6": "41dbe97ea0e48943",
+        "load-1.0-even": "8fecf2379ff5f89f",
+        "load-1.6-even": "8fecf2379ff5f89f",
+        "dense": "23b08daac5a8b449",
+    },
+    "fieldgym/ProduceSorting-v0": {
+        "load-0.7": "998806efb36e79d1",
+        "load-1.0": "9b785b12b72c575c",
+        "load-1.25": "d1df5f30bddb35d9",
+        "load-1.6": "89000e26c50a8e92",
+        "clumped-1.25": "a4a8a56b67f73b71",
+    },
+}
+"""Digests of two fields of every scenario; the speed variant's are the laser's."""
+
+
+def core_of(env_id: str, scenario: str, worlds: int = 1) -> Any:
+    env: Any = gym.make_vec(env_id, worlds, vectorization_mode="vector_entry_point", scenario=scenario)
+    return env.unwrapped.core
+
+
+def digest(fields: list[Any]) -> str:
+    """Of all that fields hold, to the ninth decimal: another C library may round the last digit in another way."""
+    sha = hashlib.sha256()
+    for field in fields:
+        for kind, table in field.tables():
+            for name, values in table.arrays().items():
+                rounded = np.round(values, 9) + 0.0 if values.dtype == np.float64 else values
+                sha.update(f"{kind}.{name}:{len(values)};".encode() + rounded.tobytes())
+    return sha.hexdigest()[:16]
+
+
+@pytest.mark.parametrize("env_id", TAKEN_DOWN)
+def test_fields_are_those_that_were_taken_down(env_id: str) -> None:
+    assert task(env_id).headline in TAKEN_DOWN[env_id]
+    for scenario, known in TAKEN_DOWN[env_id].items():
+        core = core_of(env_id, scenario)
+        assert digest([core.draw_field(np.random.default_rng(seed)) for seed in SEEDS]) == known, scenario
+
+
+@pytest.mark.parametrize("env_id", env_ids())
+def test_a_field_does_not_depend_on_those_drawn_beside_it(env_id: str) -> None:
+    core = core_of(env_id, task(env_id).headline)
+    generators = [np.random.default_rng(seed) for seed in range(5)]
+    fields = core.unstack(core.draw(generators))
+    for seed, field in enumerate(fields):
+        alone = np.random.default_rng(seed)
+        assert core.draw_field(alone) == field
+        assert alone.random() == generators[seed].random(), "another number of numbers was drawn"
