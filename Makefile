@@ -3,6 +3,7 @@
 # make test        the tests
 # make test-portable  those of them that may differ from one Python to another
 # make test-slow   those that take more than a few seconds each
+# make media       the documentation's moving pictures, in docs/media
 # make lint        ruff and pyright
 # make docs        the documentation's site in docs/_build/html; warnings are errors
 # make docs-serve  the same, served at http://127.0.0.1:8000
@@ -32,7 +33,7 @@ INPUTS := pyproject.toml constraints.txt Makefile
 CORE := $(VENV)/.fieldgym-core
 FULL := $(VENV)/.fieldgym-$(EXTRAS)
 
-.PHONY: benchmark leaderboard test test-portable test-slow lint docs docs-serve linkcheck setup pythons clean
+.PHONY: benchmark leaderboard test test-portable test-slow media lint docs docs-serve linkcheck setup pythons clean
 .DEFAULT_GOAL := benchmark
 
 benchmark: $(CORE)
@@ -41,6 +42,7 @@ benchmark: $(CORE)
 leaderboard: $(FULL)
 	$(BIN)/fieldgym benchmark --suite full --out results --resume
 	$(BIN)/fieldgym report results/full --out results/report.html --leaderboard docs/leaderboard.md
+	PYTHONPATH=docs $(BIN)/python -m fieldsite.front_page
 
 test: $(FULL)
 	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
@@ -51,6 +53,9 @@ test-portable: $(FULL)
 
 test-slow: $(FULL)
 	$(BIN)/python -m pytest -n $(JOBS) -m slow
+
+media: $(FULL)
+	$(BIN)/python scripts/moving_pictures.py
 
 lint: $(FULL)
 	$(BIN)/ruff check .
