@@ -13,7 +13,7 @@ from .core import PickerOutcome, SafflowerCore
 from .motors import within_motors
 from .state import PickerPlan
 
-DECISION_S = {"pots": 11.4, "row-sparse": 13, "row": 13.4, "row-dense": 13.7}
+DECISION_S = {"pots": 11.4, "row-sparse": 13, "row": 13.4, "row-dense": 13.7, "field": 13.7}
 """Seconds that a decision takes on average, by scenario [30 episodes of the reference policy]."""
 PICKER: Assembly[Any] = Assembly(
     config=SafflowerConfig,

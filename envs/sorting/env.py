@@ -13,7 +13,14 @@ from .core import SorterOutcome, SortingCore
 from .motors import within_motors
 from .state import SorterPlan
 
-DECISION_S = {"load-0.7": 1.64, "load-1.0": 1.68, "load-1.25": 1.62, "load-1.6": 1.58, "clumped-1.25": 1.4}
+DECISION_S = {
+    "load-0.7": 1.64,
+    "load-1.0": 1.68,
+    "load-1.25": 1.62,
+    "load-1.6": 1.58,
+    "clumped-1.25": 1.4,
+    "field": 1.4,
+}
 """Seconds that a decision takes on average, by scenario [30 episodes of the reference policy]."""
 SORTER: Assembly[Any] = Assembly(
     config=SortingConfig,

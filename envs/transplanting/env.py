@@ -30,6 +30,7 @@ DECISION_S = {
     "replug-low": 0.76,
     "replug": 0.87,
     "replug-high": 0.95,
+    "field": 0.95,
 }
 """Seconds that a decision takes on average, by scenario [30 episodes of the reference policy]."""
 TRANSPLANTER: Assembly[Any] = Assembly(
