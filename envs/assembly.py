@@ -14,6 +14,8 @@ from .core import Executor, TaskCore, View
 
 BACKENDS = ("pybullet", "analytic")
 PERCEPTIONS = ("perfect", "model", "camera")
+PRESET = "preset"
+"""Among overrides: the name of a preset, or several."""
 CUSTOM = "custom"
 """Name of a scenario that came as numbers, not by name."""
 
@@ -44,6 +46,7 @@ class Assembly(Generic[ConfigT]):
             or refuses motors that cannot hold it; None where no motor is modelled. See ``motors``.
         rates: how scorecards of a configuration are read in a grower's units, a ``rates.Rates``; None where finished
             targets an hour say it all.
+        presets: named sets of overrides that belong together, for ``overrides={"preset": name}``.
         settings: keyword arguments of ``gym.make`` that are short for a part of the configuration, by name: a dotted
             name of the configuration, or a function of the configuration and the value.
         fixed: what an environment's configuration always has, by dotted name.
@@ -61,6 +64,7 @@ class Assembly(Generic[ConfigT]):
     belief: Callable[[Any], Any] | None = None
     within_motors: Callable[[ConfigT], ConfigT] | None = None
     rates: Callable[[ConfigT], Any] | None = None
+    presets: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     settings: Mapping[str, str | Callable[[ConfigT, Any], ConfigT]] = field(default_factory=dict)
     fixed: Mapping[str, Any] = field(default_factory=dict)
 
@@ -123,7 +127,8 @@ class Assembly(Generic[ConfigT]):
         Args:
             scenario: a name, or a YAML file with a scenario's numbers; None for the configuration's own.
             config: None for the headline scenario's; a mapping of its fields by name is what JSON makes of one.
-            overrides: single numbers by dotted name.
+            overrides: single numbers by dotted name; and ``preset``, a name or several of ``Assembly.presets``, whose
+                numbers come before the single ones.
             settings: see ``Assembly.settings``; None stands for what was not given.
 
         Raises:
@@ -143,8 +148,19 @@ class Assembly(Generic[ConfigT]):
             if value is not None:
                 setting = self.settings[name]
                 config = override(config, {setting: value}) if isinstance(setting, str) else setting(config, value)
-        asked = override(config, {**(overrides or {}), **self.fixed})
+        asked = override(config, {**self._expanded(overrides or {}), **self.fixed})
         return asked if self.within_motors is None else self.within_motors(asked)
+
+    def _expanded(self, overrides: Mapping[str, Any]) -> dict[str, Any]:
+        """Overrides with the numbers of their presets, if any."""
+        numbers = {name: value for name, value in overrides.items() if name != PRESET}
+        asked, found = overrides.get(PRESET, ()), {}
+        for name in (asked,) if isinstance(asked, str) else asked:
+            if name not in self.presets:
+                there = meant(str(name), tuple(self.presets)) if self.presets else "this task has none"
+                raise ValueError(f"preset = {name!r} is unknown: {there}")
+            found |= self.presets[name]
+        return {**found, **numbers}
 
     def scenario(self, scenario: str | PathLike[str]) -> Any:
         """A scenario by its name or from a YAML file.

@@ -8,7 +8,19 @@ from typing import Annotated, NoReturn
 import typer
 
 import fieldgym
-from fieldgym.scripts import benchmark, collect, evaluate, field, prepare, report, reproduce, run, train, view
+from fieldgym.scripts import (
+    benchmark,
+    collect,
+    evaluate,
+    field,
+    prepare,
+    report,
+    reproduce,
+    run,
+    sensitivity,
+    train,
+    view,
+)
 from fieldgym.scripts.common import execute, usable_tasks
 
 app = typer.Typer(
@@ -23,6 +35,7 @@ app.command("view")(view.main)
 app.command("benchmark")(benchmark.main)
 app.command("report")(report.main)
 app.command("reproduce")(reproduce.main)
+app.command("sensitivity")(sensitivity.main)
 app.command("train")(train.main)
 app.command("evaluate")(evaluate.main)
 app.command("collect")(collect.main)

@@ -8,7 +8,7 @@ from ..assembly import Assembly
 from ..references import later
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv
-from .config import SCENARIOS, PerceptionModel, SafflowerConfig
+from .config import PRESETS, SCENARIOS, PerceptionModel, SafflowerConfig
 from .core import PickerOutcome, SafflowerCore
 from .motors import within_motors
 from .state import PickerPlan
@@ -28,6 +28,7 @@ PICKER: Assembly[Any] = Assembly(
     belief=later("fieldgym.envs.safflower.belief:belief"),
     within_motors=within_motors,
     rates=later("fieldgym.envs.safflower.rates:rates_of"),
+    presets=PRESETS,
     settings={"slots": "slots"},
 )
 

@@ -274,6 +274,18 @@ SCENARIOS: dict[str, ScenarioConfig] = {
 it, and belts are tightened in winter."""
 
 
+PRESETS = {
+    "slipping-belt": {"belt.slip_sigma_m": 0.005},
+    "fast-belt": {"belt.speed_m_s": 0.12},
+    "typical-gripper": {"grip.grip_s": 0.30, "grip.release_s": 0.20},
+    "mixed-produce": {"grip.best": 0.90},
+}
+"""``slipping-belt``: produce rolls [assumed]. ``fast-belt``: the upper end of what sorting paddles were tested at
+[published: 4-12 cm/s, AgriEngineering 6(3) 175]. ``typical-gripper``: soft fingers of 100-300 ms a stroke [published:
+vendors]. ``mixed-produce``: fewer centred grips hold than in a laboratory [assumed, between the published 81 % in an
+orchard and 96 % in the laboratory, arXiv 2408.06674]."""
+
+
 @dataclass(frozen=True)
 class RewardWeights(Config):
     """Value of the named reward terms."""

@@ -8,7 +8,7 @@ from ..assembly import Assembly
 from ..references import later
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv
-from .config import SCENARIOS, PerceptionModel, SortingConfig
+from .config import PRESETS, SCENARIOS, PerceptionModel, SortingConfig
 from .core import SorterOutcome, SortingCore
 from .motors import within_motors
 from .state import SorterPlan
@@ -35,6 +35,7 @@ SORTER: Assembly[Any] = Assembly(
     belief=later("fieldgym.envs.sorting.belief:belief"),
     within_motors=within_motors,
     rates=later("fieldgym.envs.sorting.rates:rates_of"),
+    presets=PRESETS,
     settings={"slots": "slots"},
 )
 

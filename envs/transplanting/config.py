@@ -284,6 +284,10 @@ SCENARIOS: dict[str, ScenarioConfig] = {
 """``field`` is ``replug-high`` with a machine that has worked for a season: cells are taught once, gears wear."""
 
 
+PRESETS = {"typical-gripper": {"process.grip_s": 0.30, "process.release_s": 0.20}}
+"""``typical-gripper``: soft fingers instead of fast needles [published: vendors' 100-300 ms a stroke]."""
+
+
 @dataclass(frozen=True)
 class RewardWeights(Config):
     """Value of the named reward terms, in healthy cells."""

@@ -9,7 +9,7 @@ from ..assembly import Assembly
 from ..references import later
 from ..single import TaskEnv
 from ..vector import TaskVectorEnv
-from .config import SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, TransplantingConfig, tray
+from .config import PRESETS, SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, PerceptionModel, TransplantingConfig, tray
 from .core import TransplantingCore, TransplantOutcome
 from .motors import within_motors
 from .rules import TransplantPlan
@@ -46,6 +46,7 @@ TRANSPLANTER: Assembly[Any] = Assembly(
     belief=later("fieldgym.envs.transplanting.belief:belief"),
     within_motors=within_motors,
     rates=later("fieldgym.envs.transplanting.rates:rates_of"),
+    presets=PRESETS,
     settings={"motion": "machine.motion", "source_tray": _with_source, "target_tray": _with_target},
 )
 

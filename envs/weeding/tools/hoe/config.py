@@ -11,6 +11,9 @@ from ...config import FieldTask
 from .arm import HoeReach
 from .process import HoeProcessConfig
 
+PRESETS = {"loose-soil": {"process.soil_resistance_pa": 2.0e4}}
+"""``loose-soil``: half the resistance of a firm seedbed [published range 14-44 kPa: ASABE D497]."""
+
 
 @dataclass(frozen=True)
 class HoeWeedingConfig(FieldTask):

@@ -13,7 +13,7 @@ from ...core import WeederOutcome, WeedingCore
 from ...perception import PerceptionModel, uncorrected
 from ...state import WeederPlan
 from .arm import HoeArm
-from .config import HoeWeedingConfig
+from .config import PRESETS, HoeWeedingConfig
 from .errors import HoeCore
 from .motors import within_motors
 from .process import HoeProcess
@@ -49,6 +49,7 @@ HOE: Assembly[Any] = Assembly(
     belief=later("fieldgym.envs.weeding.belief:belief"),
     within_motors=within_motors,
     rates=later("fieldgym.envs.weeding.tools.hoe.rates:rates_of"),
+    presets=PRESETS,
     settings={"slots": "slots"},
     fixed={"speed_control": False},
 )

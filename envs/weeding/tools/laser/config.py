@@ -13,6 +13,28 @@ from ...config import FieldTask
 from .aim import LaserReach
 from .process import ProcessConfig
 
+PRESETS = {
+    "co2-2012": {
+        "process.ed95_j": 54.0,
+        "process.dose_j": (30.0, 75.0, 200.0),
+        "process.spot_radius_m": 0.003,
+        "process.power_w": 200.0,
+        "process.crop_ed50_j": 20.0,
+    },
+    "commercial": {
+        "process.ed95_j": 20.0,
+        "process.dose_j": (11.0, 28.0, 74.0),
+        "process.spot_radius_m": 0.0015,
+        "process.power_w": 150.0,
+        "process.crop_ed50_j": 7.4,
+    },
+    "settled": {"process.correct_s": 0.30},
+}
+"""``co2-2012``: the dose that Marx et al. 2012 published, with their widest spot; the default's own numbers.
+``commercial``: 20 J a weed on a spot of 3 mm from 150 W [published: a vendor's pages, LaserWeeder G1], doses and crop
+in proportion. On the spot both are 1.9-2.8 J/mm2: a dose belongs to its spot. ``settled``: before a shot the platform
+settles for 0.25 s, as an industrial parallel robot does to within 0.1 mm [published: ABB IRB 365, ISO 9283]."""
+
 
 @dataclass(frozen=True)
 class WeedingConfig(FieldTask):

@@ -14,7 +14,7 @@ from ...core import WeederOutcome, WeedingCore
 from ...perception import PerceptionModel
 from ...state import WeederPlan
 from .aim import LaserArm
-from .config import WeedingConfig
+from .config import PRESETS, WeedingConfig
 from .errors import LaserCore
 from .motors import within_motors
 from .process import LaserProcess
@@ -50,6 +50,7 @@ LASER: Assembly[Any] = Assembly(
     belief=later("fieldgym.envs.weeding.belief:belief"),
     within_motors=within_motors,
     rates=later("fieldgym.envs.weeding.tools.laser.rates:rates_of"),
+    presets=PRESETS,
     settings={"slots": "slots"},
     fixed={"speed_control": False},
 )

@@ -1,0 +1,1 @@
+"""What is assumed: parameters with the range that sources leave them, one list a task."""
