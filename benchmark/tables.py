@@ -35,7 +35,6 @@ class Column:
         digits: decimals.
         kind: ``"mean"``, ``"iqm"`` (interquartile mean), ``"difference"`` (paired, to the reference) or ``"gap"``
             (paired, to the bound).
-        width: characters from which a terminal shows the column.
     """
 
     title: str
@@ -43,7 +42,6 @@ class Column:
     scale: float
     digits: int
     kind: str = "mean"
-    width: int = 0
 
     def cell(self, row: Row) -> tuple[str, str]:
         """The value and its interval as text; the interval of a difference that may be none says so."""
@@ -70,18 +68,14 @@ def doubt(item: Estimate) -> str:
     return "few" if item.n < FEWEST_PAIRS else "n.s."
 
 
-WIDE = 110
-WIDEST = 150
-"""Characters from which a terminal shows more columns, and all of ``COLUMNS``."""
-
 COLUMNS = (
     Column("net rate, %", "net_rate", 100.0, 2),
     Column("cycle time, s", "cycle_time_s", 1.0, 2),
     Column("difference, points", "net_rate", 100.0, 2, "difference"),
     Column("difference, s", "cycle_time_s", 1.0, 2, "difference"),
-    Column("return", "return", 1.0, 3, width=WIDE),
-    Column("gap to bound, points", "net_rate", 100.0, 2, "gap", width=WIDEST),
-    Column("ms a decision", "decision_ms", 1.0, 2, width=WIDE),
+    Column("return", "return", 1.0, 3),
+    Column("gap to bound, points", "net_rate", 100.0, 2, "gap"),
+    Column("ms a decision", "decision_ms", 1.0, 2),
 )
 
 _SCORES = (
@@ -160,18 +154,40 @@ def conditions(rows: Iterable[Row]) -> dict[Condition, list[Row]]:
 
 
 def terminal_tables(rows: Iterable[Row], width: int) -> list[Table]:
-    """Two Rich tables a condition, for ``width`` characters: scores, and what they come to in a grower's units."""
+    """Two Rich tables a condition: scores, and what they come to in a grower's units.
+
+    What does not fit ``width`` characters is left out from the right; ``summary.md`` has it.
+    """
     rows = list(rows)
     bounded = any(row.gaps for row in rows)
-    columns = [column for column in COLUMNS if width >= column.width and (bounded or column.kind != "gap")]
+    columns = [column for column in COLUMNS if bounded or column.kind != "gap"]
     tables = []
     for group, members in conditions(rows).items():
-        tables.append(_terminal_table(_title(group, members), columns, members))
+        tables.append(_fitting(_title(group, members), columns, members, width))
         policies = [row for row in members if row.policy != BOUND]
         told = field_columns(policies) if policies else ()
         if told:
-            tables.append(_terminal_table("In the field", told, policies))
+            # The net rate stands in the table above.
+            others = [column for column in told if column.name != "net_rate"]
+            tables.append(_fitting("In the field", others, policies, width))
     return tables
+
+
+def _fitting(title: str, columns: Sequence[Column], rows: Sequence[Row], width: int) -> Table:
+    """A table with as many of the columns as ``width`` characters hold, one at least."""
+    count = len(columns)
+    while count > 1 and _wide(_terminal_table("", columns[:count], rows)) > width:
+        count -= 1
+    return _terminal_table(title, columns[:count], rows)
+
+
+def _wide(table: Table) -> int:
+    """Characters that a table takes where it may."""
+    from rich.console import Console
+    from rich.measure import Measurement
+
+    console = Console(width=_NATURAL)
+    return Measurement.get(console, console.options, table).maximum
 
 
 def _terminal_table(title: str, columns: Sequence[Column], rows: Sequence[Row]) -> Table:
@@ -232,37 +248,38 @@ def _grid(title: str, columns: Sequence[Column], rows: Sequence[Row]) -> list[st
 
 
 def verdicts(rows: Iterable[Row]) -> list[str]:
-    """A line a condition and question: how far the best policy is from the bound, and what learning brought."""
+    """A line a condition: the best policy beside the reference and the bound; and one where learning brought more."""
     lines = []
     for group, members in conditions(rows).items():
         policies = [row for row in members if row.policy != BOUND]
-        for column, percent, points in ((_NET_RATE, " %", " points"), (_RETURN, "", "")):
-            there = [row for row in policies if column.cell(row)[0] != "-"]
-            if not there:
-                continue
-            best = max(there, key=lambda row: row.scores[column.name].value)
-            gap = best.gaps.get(column.name)
-            left = "no bound at hand"
-            if gap is not None and math.isfinite(gap.value):
-                left = f"gap to the bound {_interval(column, gap)}{points}"
-            own = f"best {column.title} {column.cell(best)[0]}{percent} by {best.policy}"
-            lines.append(f"{group}: {own}, {left}")
+        there = [row for row in policies if _NET_RATE.cell(row)[0] != "-"]
+        if not there:
+            continue
+        best = max(there, key=lambda row: row.scores["net_rate"].value)
+        told = f"{group}: {best.policy} has the best net rate, {_NET_RATE.cell(best)[0]} %"
+        gap = best.gaps.get("net_rate")
+        if gap is not None and math.isfinite(gap.value):
+            told += f", {_interval(_NET_RATE, gap)} points below the bound"
+        paper = next((row for row in there if row.policy == row.reference), best)
+        if paper is not best:
+            told += f"; {paper.policy} {_NET_RATE.cell(paper)[0]} %"
+        lines.append(told)
         for row in policies:
-            if row.least_over_rules is not None:
-                rule, by, better = row.least_over_rules
-                versus = f"least over {rule}: {_interval(_RETURN, by, '+')}"
-                lines.append(
-                    f"{group}: {row.policy} is {'' if better else 'not '}better than every rule in return; {versus}"
-                )
+            if row.least_over_rules is not None and row.least_over_rules[2]:
+                rule, by, _ = row.least_over_rules
+                more = f"by {_interval(_RETURN, by)} or more, {rule} being the next best"
+                lines.append(f"{group}: {row.policy} returns more than every rule, {more}")
     return lines
 
 
+_NATURAL = 1000
+"""Characters in which every table has the width that it would like."""
 _NET_RATE, _RETURN = Column("net rate", "net_rate", 100.0, 2), Column("return", "return", 1.0, 3)
 
 
-def _interval(column: Column, estimate: Estimate, sign: str = "") -> str:
+def _interval(column: Column, estimate: Estimate) -> str:
     low, high = column.text(estimate.low), column.text(estimate.high)
-    return column.text(estimate.value, sign) + (f" [{low}, {high}]" if math.isfinite(estimate.low) else "")
+    return column.text(estimate.value) + (f" [{low}, {high}]" if math.isfinite(estimate.low) else "")
 
 
 def _phases(rows: Sequence[Row]) -> list[str]:

@@ -99,7 +99,7 @@ def main(
         for table in tables.terminal_tables(rows, console.width):
             console.print(table)
         for line in tables.verdicts(rows):
-            console.print(line, highlight=False, soft_wrap=True)
+            console.print(line, highlight=False, markup=False)
         if rows:
             console.print(tables.LEGEND, style="dim", highlight=False)
             same = record.digest(report.records + report.bounds)
@@ -177,11 +177,11 @@ def _special(
 
 
 def _console() -> Console:
-    """Wide enough for the table where the output is no terminal: a log must not break its lines."""
+    """As wide as a page where the output is no terminal."""
     from rich.console import Console
 
     console = Console()
-    return console if console.is_terminal else Console(width=150)
+    return console if console.is_terminal else Console(width=100)
 
 
 def _close(console: Console, report: RunResult, paths: list[Path]) -> None:
