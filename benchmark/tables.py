@@ -267,7 +267,7 @@ def verdicts(rows: Iterable[Row]) -> list[str]:
         for row in policies:
             if row.least_over_rules is not None and row.least_over_rules[2]:
                 rule, by, _ = row.least_over_rules
-                more = f"by {_interval(_RETURN, by)} or more, {rule} being the next best"
+                more = f"by {_interval(_RETURN, by)} at least, over {rule}"
                 lines.append(f"{group}: {row.policy} returns more than every rule, {more}")
     return lines
 
