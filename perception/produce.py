@@ -9,6 +9,7 @@ left, h, follows from where the ellipsoid touches the belt.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels import compiled
 from .frames import Frame
 
 Array = NDArray[np.float64]
@@ -89,70 +91,96 @@ def detect(frame: Frame, context: Belt, settings: ProduceSettings | None = None)
     """
     settings = settings or ProduceSettings()
     rgb, depth_m, camera = frame
-    belt_m = context.height_m
-    rays = _rays(camera.intrinsics, depth_m.shape)
-    world = camera.world_from_camera
-    points = (rays * depth_m[..., None].astype(np.float64)) @ world[:3, :3].T + world[:3, 3]
-    colour = rgb.astype(np.int16)
-    warm = np.maximum(colour[..., 0], colour[..., 1]) - colour[..., 2] > settings.warm
-    smooth = cv2.medianBlur((points[..., 2] - belt_m).astype(np.float32), 5)
-    mask = (warm & (smooth > settings.lowest_m)).astype(np.uint8)
-    mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)), np.uint8)
-    labels, count = _separate(mask)
-    hsv = np.asarray(cv2.cvtColor(cv2.medianBlur(rgb, 5), cv2.COLOR_RGB2HSV), np.uint8)
-    eye = world[:3, 3]
+    world, belt_m = camera.world_from_camera, context.height_m
     found = []
-    for label in range(1, count):
-        where = labels == label
-        if where[0].any() or where[-1].any() or where[:, 0].any() or where[:, -1].any():
+    for top, left, body in _separate(produce_mask(frame, context, settings)):
+        rows, columns = np.nonzero(body)
+        if len(rows) == 0:
             continue
-        rows, columns = np.nonzero(where)
+        rows, columns = rows + top, columns + left
+        if rows[0] == 0 or rows[-1] == len(rgb) - 1 or columns.min() == 0 or columns.max() == rgb.shape[1] - 1:
+            continue
+        depth = depth_m[rows, columns].astype(np.float64)
         # A pixel's share of the outline grows with the square of its distance.
-        weight = depth_m[rows, columns].astype(np.float64) ** 2
+        weight = depth**2
         area = float(weight.sum()) / float(camera.intrinsics[0, 0] * camera.intrinsics[1, 1])
         if not settings.smallest_m2 <= area <= settings.largest_m2:
             continue
-        shape = _ellipsoid(points[rows, columns], weight, eye, belt_m, settings.rim_m)
+        points = (_rays(camera.intrinsics, rows, columns) * depth[:, None]) @ world[:3, :3].T + world[:3, 3]
+        shape = _ellipsoid(points, weight, world[:3, 3], belt_m, settings.rim_m)
         if shape is None:
             continue
-        core = cv2.erode(where.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        hue, saturation = _colour(hsv[core] if core.any() else hsv[where])
+        hue, saturation = _colour(rgb, top, left, body)
         found.append((*shape, _grade(settings, hue, saturation, float(shape[2][0])), hue))
     return _table(found)
 
 
-def _rays(intrinsics: Array, shape: tuple[int, ...]) -> Array:
-    """Camera rays (h, w, 3) of unit depth."""
-    v, u = np.mgrid[0 : shape[0], 0 : shape[1]].astype(np.float64)
-    x = (u - intrinsics[0, 2]) / intrinsics[0, 0]
-    y = (v - intrinsics[1, 2]) / intrinsics[1, 1]
+def produce_mask(frame: Frame, context: Belt, settings: ProduceSettings) -> NDArray[np.uint8]:
+    """Pixels (h, w) of produce, 0 or 1: not of the belt's colour, and above it in the median of 5 x 5 pixels."""
+    rgb, depth_m, (intrinsics, world) = frame
+    warm, high = _warm_and_high(rgb, depth_m, intrinsics, world, settings.warm, context.height_m, settings.lowest_m)
+    # A median of 25 is high where 13 of them are.
+    most = cv2.boxFilter(high, -1, (5, 5), normalize=False, borderType=cv2.BORDER_REPLICATE) > 12
+    mask = cv2.morphologyEx(warm & most.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    return np.asarray(mask, np.uint8)
+
+
+@compiled
+def _warm_and_high(
+    rgb: NDArray[np.uint8],
+    depth_m: NDArray[np.float32],
+    intrinsics: Array,
+    world_from_camera: Array,
+    warm: int,
+    belt_m: float,
+    lowest_m: float,
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Which pixels (h, w) have more red or green than blue, by ``warm``, and which lie ``lowest_m`` above the belt."""
+    height, width = depth_m.shape
+    colour, above = np.empty((height, width), np.uint8), np.empty((height, width), np.uint8)
+    across, down, ahead, eye = world_from_camera[2]
+    lowest = np.float32(lowest_m)
+    for y in range(height):
+        v = (y - intrinsics[1, 2]) / intrinsics[1, 1]
+        for x in range(width):
+            r, g, b = np.int64(rgb[y, x, 0]), np.int64(rgb[y, x, 1]), np.int64(rgb[y, x, 2])
+            colour[y, x] = max(r, g) - b > warm
+            depth = np.float64(depth_m[y, x])
+            u = (x - intrinsics[0, 2]) / intrinsics[0, 0]
+            z = u * depth * across + v * depth * down + depth * ahead + eye
+            above[y, x] = np.float32(z - belt_m) > lowest
+    return colour, above
+
+
+def _rays(intrinsics: Array, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+    """Camera rays (n, 3) of unit depth through pixels."""
+    x = (columns - intrinsics[0, 2]) / intrinsics[0, 0]
+    y = (rows - intrinsics[1, 2]) / intrinsics[1, 1]
     return np.stack([x, y, np.ones_like(x)], axis=-1)
 
 
-def _separate(mask: NDArray[np.uint8]) -> tuple[NDArray[np.int32], int]:
-    """Label blobs; those that touch are parted by shrinking them until they come apart, and growing the pieces back."""
+def _separate(mask: NDArray[np.uint8]) -> Iterator[tuple[int, int, NDArray[np.uint8]]]:
+    """Items as their first row, their first column, and a window that is 1 where they are.
+
+    Those that touch are parted by shrinking their blob until it comes apart, and growing the pieces back.
+    """
     count, blobs, stats, _ = cv2.connectedComponentsWithStats(mask)
-    labels = np.zeros(mask.shape, np.int32)
-    used = 0
     for blob in range(1, count):
         x, y, width, height, area = stats[blob].tolist()
         if area < _SEED_PIXELS:
             continue
-        window = np.s_[y : y + height, x : x + width]
-        body = (blobs[window] == blob).astype(np.uint8)
+        body = (blobs[y : y + height, x : x + width] == blob).astype(np.uint8)
         # A frame of background, or the image's own border would hold the blob together.
         framed = cv2.copyMakeBorder(body, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
         seeds = _seeds(framed)
         if len(seeds) == 1:
-            used += 1
-            labels[window][body > 0] = used
+            yield y, x, body
             continue
         # Every pixel goes to the piece whose middle part is nearest.
         distance = np.stack([cv2.distanceTransform(1 - seed, cv2.DIST_L2, 5) for seed in seeds])
         nearest = distance.argmin(axis=0)[1:-1, 1:-1]
-        labels[window][body > 0] = used + 1 + nearest[body > 0]
-        used += len(seeds)
-    return labels, used + 1
+        for piece in range(len(seeds)):
+            yield y, x, body & (nearest == piece)
 
 
 def _seeds(body: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
@@ -182,9 +210,9 @@ def _ellipsoid(
     middle = weight @ points
     toward = eye - middle
     toward /= np.linalg.norm(toward)
-    across = np.cross([0.0, 1.0, 0.0], toward)
+    across = _cross(np.array([0.0, 1.0, 0.0]), toward)
     across /= np.linalg.norm(across)
-    frame = np.stack([across, np.cross(toward, across), toward])
+    frame = np.stack([across, _cross(toward, across), toward])
     local = (points - middle) @ frame.T
     outline = 4.0 * (local[:, :2] * weight[:, None]).T @ local[:, :2]
     if np.linalg.det(outline) < 1e-14:
@@ -228,15 +256,29 @@ def _angles(vectors: Array) -> tuple[float, float, float]:
     axis = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     long = vectors[:, 0]
     turn = -tilt
-    back = long * np.cos(turn) + np.cross(axis, long) * np.sin(turn) + axis * (axis @ long) * (1.0 - np.cos(turn))
+    back = long * np.cos(turn) + _cross(axis, long) * np.sin(turn) + axis * (axis @ long) * (1.0 - np.cos(turn))
     yaw = float(np.arctan2(back[1], back[0]))
     return yaw - np.pi * float(np.ceil(yaw / np.pi - 0.5)), tilt, azimuth
 
 
-def _colour(hsv: NDArray[np.uint8]) -> tuple[float, float]:
-    """Median hue in degrees and saturation in [0, 1]; hues just below 360 count as below zero."""
-    hue = 2.0 * hsv[:, 0].astype(np.float64)
-    return float(np.median(np.where(hue > 270.0, hue - 360.0, hue))), float(np.median(hsv[:, 1])) / 255.0
+def _cross(a: Array, b: Array) -> Array:
+    """Product (3,) of two vectors; NumPy's own takes ten times as long for one pair."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
+def _colour(rgb: NDArray[np.uint8], top: int, left: int, body: NDArray[np.uint8]) -> tuple[float, float]:
+    """Median hue in degrees and saturation in [0, 1] of an item's core; hues just below 360 count as below zero."""
+    core = cv2.erode(cv2.copyMakeBorder(body, 2, 2, 2, 2, cv2.BORDER_CONSTANT, value=0), np.ones((5, 5), np.uint8))
+    core = core[2:-2, 2:-2] if core.any() else body
+    height, width = body.shape
+    # Two pixels more all around, for the median.
+    up, aside = min(top, 2), min(left, 2)
+    around = np.ascontiguousarray(rgb[top - up : top + height + 2, left - aside : left + width + 2])
+    hsv = np.asarray(cv2.cvtColor(cv2.medianBlur(around, 5), cv2.COLOR_RGB2HSV), np.uint8)
+    pixels = hsv[up : up + height, aside : aside + width][core > 0]
+    hue = 2.0 * pixels[:, 0].astype(np.float64)
+    return float(np.median(np.where(hue > 270.0, hue - 360.0, hue))), float(np.median(pixels[:, 1])) / 255.0
 
 
 def _grade(settings: ProduceSettings, hue_deg: float, saturation: float, length_m: float) -> int:

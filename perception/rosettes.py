@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels import compiled
+from .regions import regions
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.uint8]
@@ -26,6 +27,9 @@ _CONVEX = 0.86
 """A blob that fills this share of its convex hull is one plant, and all of it sees all of it."""
 _END = 0.30
 """Share of a blade's length that is compared at both of its ends."""
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
+_STRIDE = 8
+"""Every so many-th pixel is tried before the others: neighbours are seen alike."""
 
 
 class Rosette(NamedTuple):
@@ -36,28 +40,54 @@ class Rosette(NamedTuple):
 
 
 @compiled
-def _count_seen(road: Mask, at: NDArray[np.int64], pixels: NDArray[np.int64]) -> NDArray[np.int64]:  # pragma: no cover
-    """How many of ``pixels`` (p, 2) each place ``at`` (c, 2) sees; lines run where ``road`` is not zero."""
-    seen = np.zeros(len(at), np.int64)
-    for i in range(len(at)):
-        top, left = at[i, 0], at[i, 1]
-        for j in range(len(pixels)):
-            rows, columns = pixels[j, 0] - top, pixels[j, 1] - left
-            steps = max(abs(rows), abs(columns))
-            clear = True
-            if steps > 1:
-                # Fixed point: 65536 to a pixel, rounded by the half that both begin with.
-                r_step, c_step = (rows << 16) // steps, (columns << 16) // steps
-                r, c = (top << 16) + 32768, (left << 16) + 32768
-                for _ in range(steps - 1):
-                    r += r_step
-                    c += c_step
-                    if road[r >> 16, c >> 16] == 0:
-                        clear = False
-                        break
-            if clear:
-                seen[i] += 1
-    return seen
+def sees(free: NDArray[np.int32], at: NDArray[np.int64], pixel: NDArray[np.int64]) -> bool:
+    """Whether the straight line from one pixel (2,) to another one is free.
+
+    Args:
+        free: (h, w), 0 where no line may run; else how many steps away, in any of eight directions, what is in the
+            way lies at least.
+        at: the one.
+        pixel: the other.
+    """
+    top, left = at[0], at[1]
+    rows, columns = pixel[0] - top, pixel[1] - left
+    steps = max(abs(rows), abs(columns))
+    if steps < 2:
+        return True
+    # Fixed point: 65536 to a pixel, rounded by the half that both begin with. Quotients of such numbers are never
+    # rounded up to the next whole one.
+    r_step = np.int64(np.floor(65536.0 * rows / steps))
+    c_step = np.int64(np.floor(65536.0 * columns / steps))
+    r, c = (top << 16) + 32768, (left << 16) + 32768
+    k = max(1, np.int64(free[top, left]))
+    while k < steps:
+        clear = np.int64(free[(r + k * r_step) >> 16, (c + k * c_step) >> 16])
+        if clear == 0:
+            return False
+        # A step goes one row and one column on at most.
+        k += clear
+    return True
+
+
+@compiled
+def best(free: NDArray[np.int32], at: NDArray[np.int64], pixels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Those of the places ``at`` (c, 2) that see almost as many of ``pixels`` (p, 2) as the best of them does."""
+    places, n = len(at), len(pixels)
+    seen = np.zeros(places, np.int64)
+    most = 0
+    for turn in range(places):
+        # From the middle on: the best ones lie there, and what cannot come near to them is soon told.
+        i = (turn + places // 2) % places
+        missed, least = 0, _AS_GOOD * most
+        for begin in range(_STRIDE):
+            for j in range(begin, n, _STRIDE):
+                missed += not sees(free, at[i], pixels[j])
+            if n - missed < least:
+                break
+        # Where it was given up, this is more than it sees, and still too few.
+        seen[i] = n - missed
+        most = max(most, seen[i])
+    return at[seen >= _AS_GOOD * most]
 
 
 def part(blob: Mask, smallest_px: int, most: int = 6) -> list[Rosette]:
@@ -71,46 +101,93 @@ def part(blob: Mask, smallest_px: int, most: int = 6) -> list[Rosette]:
     found: list[Rosette] = []
     queue = [(blob > 0).astype(np.uint8)]
     # Thin blades are stairs of pixels: lines may run one pixel beside them.
-    road = cv2.dilate(queue[0], np.ones((3, 3), np.uint8))
+    road = cv2.dilate(queue[0], _NEIGHBOURS)
+    free: NDArray[np.int32] | None = None
     while queue and len(found) < most:
         rest = queue.pop(0)
-        plant = _first(rest, np.asarray(road, np.uint8))
-        found.append(plant)
-        taken = np.zeros_like(rest)
-        taken[plant.pixels[:, 0], plant.pixels[:, 1]] = 1
-        left = rest & (1 - cv2.dilate(taken, np.ones((5, 5), np.uint8)))
-        if np.count_nonzero(left) < smallest_px:
+        pixels = _pixels(rest)
+        if _is_convex(rest, len(pixels)):
+            found.append(Rosette(pixels.mean(axis=0), pixels))
             continue
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(np.asarray(left, np.uint8), connectivity=8)
-        sizes = stats[:, cv2.CC_STAT_AREA]
-        queue += [(labels == i).astype(np.uint8) for i in range(1, count) if sizes[i] >= smallest_px]
+        if free is None:
+            free = cv2.distanceTransform(road, cv2.DIST_C, 3).astype(np.int32)
+        found.append(Rosette(*_stem(free, pixels)))
+        if len(pixels) - len(found[-1].pixels) < smallest_px:
+            continue
+        left, size = _without(rest, found[-1].pixels)
+        if size < smallest_px:
+            continue
+        labels, boxes = regions(left)
+        queue += [(labels == i).astype(np.uint8) for i in range(1, len(boxes)) if boxes[i, 4] >= smallest_px]
         queue.sort(key=lambda m: -int(m.sum()))
     return found
 
 
-def _first(rest: Mask, road: Mask) -> Rosette:
-    pixels = np.argwhere(rest)
-    if _is_convex(rest, len(pixels)):
-        return Rosette(pixels.mean(axis=0), pixels)
+@compiled
+def _pixels(mask: Mask) -> NDArray[np.int64]:
+    """Rows and columns (n, 2) of what is not zero, row by row."""
+    height, width = mask.shape
+    n = 0
+    for y in range(height):
+        for x in range(width):
+            n += mask[y, x] != 0
+    pixels = np.empty((n, 2), np.int64)
+    n = 0
+    for y in range(height):
+        for x in range(width):
+            if mask[y, x] != 0:
+                pixels[n, 0], pixels[n, 1] = y, x
+                n += 1
+    return pixels
+
+
+@compiled
+def _without(rest: Mask, pixels: NDArray[np.int64]) -> tuple[Mask, int]:
+    """What is farther than two pixels from ``pixels`` (n, 2), rows or columns, and how many pixels that are."""
+    height, width = rest.shape
+    left = rest.copy()
+    for i in range(len(pixels)):
+        for y in range(max(pixels[i, 0] - 2, 0), min(pixels[i, 0] + 3, height)):
+            for x in range(max(pixels[i, 1] - 2, 0), min(pixels[i, 1] + 3, width)):
+                left[y, x] = 0
+    n = 0
+    for y in range(height):
+        for x in range(width):
+            n += left[y, x] != 0
+    return left, n
+
+
+@compiled
+def _stem(free: NDArray[np.int32], pixels: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+    """Where a rosette's leaves meet (2,), and the pixels (n, 2) that are seen from there."""
     tried = _thinned(pixels, _PIXELS)
     at = _thinned(pixels, _CANDIDATES)
-    seen = _count_seen(road, at, tried)
-    good = at[seen >= _AS_GOOD * seen.max()]
+    good = best(free, at, tried)
     # Coarse, then fine: all around the good ones of a grid of places there are better ones.
     margin = 1.5 * np.sqrt(len(pixels) / len(at)) + 1.0
-    near = ((pixels >= good.min(axis=0) - margin) & (pixels <= good.max(axis=0) + margin)).all(axis=1)
-    at = _thinned(pixels[near], _CANDIDATES)
-    seen = _count_seen(road, at, tried)
-    good = at[seen >= _AS_GOOD * seen.max()]
-    stem = good.mean(axis=0)
-    nearest = good[np.square(good - stem).sum(axis=1).argmin()]
-    lit = _count_seen(road, pixels, nearest[None].astype(np.int64)) > 0
-    return Rosette(stem, pixels[lit])
+    top, bottom = good[:, 0].min() - margin, good[:, 0].max() + margin
+    left, right = good[:, 1].min() - margin, good[:, 1].max() + margin
+    row, column = pixels[:, 0], pixels[:, 1]
+    near = pixels[(row >= top) & (row <= bottom) & (column >= left) & (column <= right)]
+    at = _thinned(near, _CANDIDATES)
+    good = best(free, at, tried)
+    stem = np.array([good[:, 0].sum() / len(good), good[:, 1].sum() / len(good)])
+    nearest, least = 0, np.inf
+    for i in range(len(good)):
+        square = (good[i, 0] - stem[0]) ** 2 + (good[i, 1] - stem[1]) ** 2
+        if square < least:
+            nearest, least = i, square
+    lit = np.empty(len(pixels), np.bool_)
+    for i in range(len(pixels)):
+        lit[i] = sees(free, good[nearest], pixels[i])
+    return stem, pixels[lit]
 
 
+@compiled
 def _thinned(pixels: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+    """At most so many of the pixels (n, 2), evenly over their order."""
     step = -(-len(pixels) // most)
-    return pixels[step // 2 :: step]
+    return pixels[step // 2 :: step].copy()
 
 
 def _is_convex(mask: Mask, count: int) -> bool:
@@ -121,21 +198,41 @@ def _is_convex(mask: Mask, count: int) -> bool:
     return count >= _CONVEX * (cv2.contourArea(hull) + 0.5 * cv2.arcLength(hull, True) + 1.0)
 
 
-def broad_bodies(mask: Mask, half_width_px: float, smallest_px: int) -> list[NDArray[np.int64]]:
-    """Parts of a mask (h, w) into which a disc of a half width fits, their pixels (n, 2): leaves broader than a weed's.
+def broad_bodies(
+    labels: NDArray[np.int32], boxes: NDArray[np.int64], half_width_px: float, smallest_px: int
+) -> list[NDArray[np.int64]]:
+    """Parts of a mask into which a disc of a half width fits, their pixels (n, 2): leaves broader than a weed's.
 
     An opening of the mask, by way of its distance transform; thin leaves that touch broad ones fall away from them.
+
+    Args:
+        labels: (h, w), the mask's regions.
+        boxes: (n, 5), about them.
+        half_width_px: of the disc.
+        smallest_px: what is smaller is left out.
     """
-    deep = np.asarray(cv2.distanceTransform((mask > 0).astype(np.uint8), cv2.DIST_L2, 5))
-    away = np.asarray(cv2.distanceTransform((deep < half_width_px).astype(np.uint8), cv2.DIST_L2, 5))
-    bodies = (away < half_width_px) if (deep >= half_width_px).any() else np.zeros(mask.shape, bool)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(bodies.astype(np.uint8), connectivity=8)
-    found = []
-    for i in range(1, count):
-        x, y, w, h, size = (int(v) for v in stats[i])
-        if size >= smallest_px:
-            found.append(np.argwhere(labels[y : y + h, x : x + w] == i) + np.array([y, x]))
-    return found
+    bodies = None
+    for i, (x, y, w, h, size) in enumerate(boxes.tolist()):
+        # A body is no larger than what it is a part of.
+        if size < max(smallest_px, 1):
+            continue
+        # With a free pixel on each side where the picture has one: behind its edges, plants go on.
+        window = np.s_[max(y - 1, 0) : y + h + 1, max(x - 1, 0) : x + w + 1]
+        deep = cv2.distanceTransform((labels[window] == i).astype(np.uint8), cv2.DIST_L2, 5)
+        thin = (deep < half_width_px).astype(np.uint8)
+        if thin.all():
+            continue
+        if bodies is None:
+            bodies = np.zeros(labels.shape, np.uint8)
+        bodies[window] |= np.asarray(cv2.distanceTransform(thin, cv2.DIST_L2, 5)) < half_width_px
+    if bodies is None:
+        return []
+    labels, boxes = regions(bodies)
+    return [
+        np.argwhere(labels[y : y + h, x : x + w] == i) + np.array([y, x])
+        for i, (x, y, w, h, size) in enumerate(boxes.tolist())
+        if size >= max(smallest_px, 1)
+    ]
 
 
 def slenderness(pixels: NDArray[np.int64]) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels import compiled
+from ..kernels.wide import product
 
 _LAYERS, _EDGE, _AREA, _SCALE = 256, 3.6541528853610088, 0.00492867323399, 2.0**23
 """Layers of the ziggurat, where its tail begins, the area of a layer, and what a 23-bit number is divided by."""
@@ -55,14 +56,11 @@ def _word(high, low, add_high, add_low, kept, left):  # type: ignore[no-untyped-
     """The next 32 random bits, the generator's state behind them, and what is left of its last word."""
     if left:
         return kept, high, low, kept, False
-    # 128-bit state times factor, from 32-bit halves, plus increment.
-    a, b, c, d = low & _LOW, low >> _HALF, _FACTOR_LOW & _LOW, _FACTOR_LOW >> _HALF
-    ac, ad, bc = a * c, a * d, b * c
-    middle = (ac >> _HALF) + (ad & _LOW) + (bc & _LOW)
-    product = (ac & _LOW) | (middle << _HALF)
-    carried = b * d + (ad >> _HALF) + (bc >> _HALF) + (middle >> _HALF) + high * _FACTOR_LOW + low * _FACTOR_HIGH
-    low = product + add_low
-    high = carried + add_high + (_U64(1) if low < product else _U64(0))
+    # 128-bit state times factor, plus increment.
+    above, below = product(low, _FACTOR_LOW)
+    above += high * _FACTOR_LOW + low * _FACTOR_HIGH
+    low = below + add_low
+    high = above + add_high + (_U64(1) if low < below else _U64(0))
     folded, turn = high ^ low, high >> _U64(58)
     value = (folded >> turn) | (folded << ((_U64(64) - turn) & _U64(63)))
     return value & _LOW, high, low, value >> _HALF, True

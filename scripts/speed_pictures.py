@@ -13,8 +13,9 @@ import gymnasium as gym
 
 from fieldgym.agents import act_single, make_policy, reference_policy
 from fieldgym.envs import env_ids, task
-from fieldgym.scripts.speed_lines import Line, best_of
-from fieldgym.scripts.speed_scenes import picture_scenes
+from fieldgym.scripts.beside_tiny import times_s
+from fieldgym.scripts.shots import shots
+from fieldgym.scripts.speed_lines import Line
 
 WARM_UP = 5
 """Decisions before those that count: machine code loads with the first."""
@@ -24,10 +25,10 @@ DETECTOR_MS = {"weeds": 5.0, "produce": 4.5}
 
 def pictures(quick: bool) -> Iterator[Line]:
     """Frames of every camera and pictures for people, each beside PyBullet's software renderer on the same scene."""
-    for name, target_ms, draw, tiny in picture_scenes():
-        own_s = best_of(draw, 7 if quick else 15)
-        theirs_s = best_of(tiny, 1 if quick else 3)
-        yield Line(name, 1e3 * own_s, "ms", target_ms, True, f"PyBullet {1e3 * theirs_s:.0f} ms")
+    for shot in shots():
+        own_s, theirs_s = times_s(shot, 7 if quick else 15, 1 if quick else 3)
+        name = f"picture for people, {shot.name}" if shot.people else shot.name
+        yield Line(name, 1e3 * own_s, "ms", shot.target_ms, True, f"PyBullet {1e3 * theirs_s:.0f} ms")
 
 
 def looks(quick: bool) -> Iterator[Line]:

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -16,7 +17,8 @@ from fieldgym.envs.sorting.reports import wrapped
 from fieldgym.envs.sorting.scene import OPEN_M, ShownItem, SorterScene, item_colour
 from fieldgym.envs.sorting.view import SorterView, sensor_noise
 from fieldgym.motion.orientation import axes, tilted
-from fieldgym.perception.produce import Belt, detect
+from fieldgym.perception.frames import Frame
+from fieldgym.perception.produce import Belt, ProduceSettings, detect, produce_mask
 
 BELT_M = SortingConfig().machine.sorter.belt_height_m
 
@@ -60,6 +62,24 @@ def test_an_ellipsoid_is_found_where_and_how_it_lies(scene, yaw, tilt, azimuth, 
 
 def scene_centre(scene, shape, yaw, tilt, azimuth):
     return lay(scene, 0, 0.02, -0.06, shape, yaw, tilt, azimuth).position
+
+
+def test_the_mask_is_that_of_a_median_of_heights(scene):
+    settings = ProduceSettings()
+    scene.set_items([lay(scene, k, 0.03 * k - 0.1, 0.04 * k - 0.12, (0.066, 0.046, 0.035), 0.5 * k) for k in range(7)])
+    rng, (_, depth, camera) = np.random.default_rng(1), scene.look()
+    rgb = rng.integers(0, 256, (*depth.shape, 3), dtype=np.uint8)
+    depth = depth + rng.normal(0.0, 0.003, depth.shape).astype(np.float32)
+    (place, world), look = camera, Frame(rgb, depth, camera)
+    v, u = np.mgrid[: depth.shape[0], : depth.shape[1]]
+    ray = np.stack([(u - place[0, 2]) / place[0, 0], (v - place[1, 2]) / place[1, 1], np.ones(depth.shape)], axis=-1)
+    height = (ray * depth[..., None].astype(float)) @ world[2, :3] + world[2, 3] - BELT_M
+    colour = rgb.astype(int)
+    warm = np.maximum(colour[..., 0], colour[..., 1]) - colour[..., 2] > settings.warm
+    high = cv2.medianBlur(height.astype(np.float32), 5) > settings.lowest_m
+    assert 1000 < np.count_nonzero(warm & ~high) and 1000 < np.count_nonzero(warm & high)
+    expected = cv2.morphologyEx((warm & high).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    assert np.array_equal(produce_mask(look, Belt(BELT_M), settings), expected)
 
 
 def test_grades_follow_colour_and_size(scene):

@@ -1,10 +1,13 @@
 """The rasteriser: no gaps, exact depth, sides, clipping, light; pictures that follow from their arguments alone."""
 
+import itertools
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
+from fieldgym.kernels import compiled
+from fieldgym.kernels.wide import product
 from fieldgym.perception.frames import Camera
 from fieldgym.rendering.instances import about_z, instances, joined
 from fieldgym.rendering.library import GRID, MeshLibrary
@@ -256,6 +259,18 @@ def test_coordinates_lie_on_a_grid_that_no_last_bit_crosses():
     assert np.array_equal(library.meshes.vertex * GRID, np.rint(library.meshes.vertex * GRID))
     thing = instances(0, [0.1 + 2**-40, 1 / 3, 0.0])
     assert np.array_equal(thing.shift * GRID, np.rint(thing.shift * GRID))
+
+
+def test_products_of_words_are_whole():
+    words = [0, 1, 3, 2**32 - 1, 2**63 + 5, 2**64 - 1, 0x9E3779B97F4A7C15]
+    for a, b in itertools.product(words, words):
+        for high, low in (product(np.uint64(a), np.uint64(b)), compiled_product(np.uint64(a), np.uint64(b))):
+            assert (int(high) << 64) + int(low) == a * b
+
+
+@compiled
+def compiled_product(a, b):
+    return product(a, b)
 
 
 def test_noise_is_numpys_own_to_the_last_bit_and_goes_on_where_it_ended():

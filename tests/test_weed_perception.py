@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldgym.perception.frames import CameraPose, Frame
-from fieldgym.perception.rosettes import Rosette, blade_foot, broad_bodies, part, slenderness
+from fieldgym.perception.regions import regions
+from fieldgym.perception.rosettes import Rosette, best, blade_foot, broad_bodies, part, sees, slenderness
 from fieldgym.perception.weeds import (
     Row,
     Seedlings,
@@ -89,11 +90,11 @@ def test_only_broad_leaves_are_bodies():
     mask = np.zeros((200, 200), np.uint8)
     cv2.circle(mask, (80, 100), 30, 1, -1)
     mask = tapered(mask, (105, 100), (180, 100), 6)
-    bodies = broad_bodies(mask, 10.0, 100)
+    bodies = broad_bodies(*regions(mask), 10.0, 100)
     assert len(bodies) == 1
     assert bodies[0].mean(axis=0) == pytest.approx([100.0, 80.0], abs=1.0)
     assert bodies[0][:, 1].max() < 116
-    assert broad_bodies(mask, 40.0, 100) == []
+    assert broad_bodies(*regions(mask), 40.0, 100) == []
 
 
 def test_shade_does_not_change_the_mask():
@@ -211,3 +212,72 @@ def test_most_pictures_decide_what_is_a_crop_plant():
     for i in range(5, 7):
         tracker.update(seedlings((0.5, 0.0), crop=True), 0.06 * i, (0.3, 0.7))
     assert tracker.tracks[0].is_crop
+
+
+def test_a_mask_is_opencv_s_to_the_last_pixel():
+    rng = np.random.default_rng(5)
+    for size in ((31, 47), (2, 9), (60, 2)):
+        rgb = rng.integers(0, 256, (*size, 3), dtype=np.uint8)
+        r, g, b = (rgb[..., c].astype(np.float32) for c in range(3))
+        index = (2.0 * g - r - b) / np.maximum(r + g + b, 30.0)
+        expected = (cv2.GaussianBlur(index, (3, 3), 0.0) > 0.05).astype(np.uint8) * 255
+        assert 0.1 < (expected > 0).mean() < 0.9
+        assert np.array_equal(plant_mask(rgb, 0.05, 1), expected)
+
+
+def seen_step_by_step(road, at, pixel):
+    """Whether every pixel of the line between two is road."""
+    steps = int(np.abs(pixel - at).max())
+    if steps < 2:
+        return True
+    step = (np.asarray(pixel - at) << 16) // steps
+    line = ((at << 16) + 32768 + step * np.arange(1, steps)[:, None]) >> 16
+    return bool(road[line[:, 0], line[:, 1]].all())
+
+
+def test_sight_is_that_of_a_line_walked_step_by_step():
+    rng = np.random.default_rng(2)
+    clear = 0
+    for _ in range(20):
+        road = (rng.random((40, 57)) < 0.97).astype(np.uint8)
+        free = cv2.distanceTransform(road, cv2.DIST_C, 3).astype(np.int32)
+        pixels = np.argwhere(road)
+        for at, pixel in pixels[rng.integers(0, len(pixels), (60, 2))]:
+            expected = seen_step_by_step(road, at, pixel)
+            assert sees(free, at, pixel) == expected
+            clear += expected
+    assert 300 < clear < 900
+
+
+def test_the_best_places_are_those_of_counting_all():
+    mask = leaves(np.zeros((120, 120), np.uint8), (60, 58), 40, 9, [5.0, 80.0, 200.0, 290.0])
+    road = cv2.dilate(mask, np.ones((3, 3), np.uint8))
+    free = cv2.distanceTransform(road, cv2.DIST_C, 3).astype(np.int32)
+    pixels = np.argwhere(mask)
+    at, tried = pixels[::37], pixels[::11]
+    seen = np.array([sum(seen_step_by_step(road, place, pixel) for pixel in tried) for place in at])
+    assert 1 < np.count_nonzero(seen >= 0.93 * seen.max()) < len(at) // 2
+    assert np.array_equal(best(free, at, tried), at[seen >= 0.93 * seen.max()])
+
+
+def test_regions_have_opencv_s_boxes():
+    mask = (np.random.default_rng(0).random((50, 70)) < 0.3).astype(np.uint8)
+    for connectivity in (4, 8):
+        count, expected, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=connectivity)
+        labels, boxes = regions(mask, connectivity)
+        assert count > 20 and np.array_equal(labels, expected) and np.array_equal(boxes[1:], stats[1:])
+        assert not boxes[0].any()
+
+
+def test_bodies_are_an_opening_of_the_whole_mask():
+    """Each plant in a window of its own, at the picture's edge too."""
+    mask = np.zeros((160, 200), np.uint8)
+    for x, y, radius in ((0, 20, 16), (60, 60, 14), (90, 64, 12), (199, 159, 22), (140, 20, 8), (30, 130, 11)):
+        cv2.circle(mask, (x, y), radius, 1, -1)
+    mask = tapered(mask, (60, 60), (120, 140), 7)
+    deep = cv2.distanceTransform(mask, cv2.DIST_L2, 5)
+    expected = (cv2.distanceTransform((deep < 7.3).astype(np.uint8), cv2.DIST_L2, 5) < 7.3).astype(np.uint8)
+    found = np.zeros_like(mask)
+    for pixels in broad_bodies(*regions(mask), 7.3, 1):
+        found[pixels[:, 0], pixels[:, 1]] = 1
+    assert 0 < found.sum() < mask.sum() and np.array_equal(found, expected)

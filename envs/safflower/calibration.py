@@ -83,7 +83,12 @@ class Tally:
 
 
 def measure(scenario: str, stops: int) -> dict[str, Any]:
-    """Look at ``stops`` stops of a scenario and fit the statistical camera to them."""
+    """Look at ``stops`` stops of a scenario, at least, and fit the statistical camera to them."""
+    return count(scenario, stops).fit()
+
+
+def count(scenario: str, stops: int) -> Tally:
+    """Look at whole rows of a scenario with ``stops`` stops, at least."""
     env: Any = SafflowerPickingEnv(scenario, backend="analytic", perception="camera")
     core, tally, episodes = env.core, Tally(), -(-stops // SCENARIOS[scenario].stops)
     for episode in range(episodes):
@@ -93,4 +98,4 @@ def measure(scenario: str, stops: int) -> dict[str, Any]:
             look = env.view.look()
             tally.add(detect(look), core, stop)
     env.close()
-    return tally.fit()
+    return tally
