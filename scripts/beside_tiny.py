@@ -14,8 +14,8 @@ from fieldgym.perception.frames import Camera, Frame
 from fieldgym.rendering.cameras import fall_of_rays, view_of
 from fieldgym.rendering.instances import Instances
 from fieldgym.rendering.renderer import GroundLook, Look, Renderer, level_colour
-from fieldgym.scripts.shots import Shot, View
 from fieldgym.scripts.speed_lines import best_of
+from fieldgym.scripts.takes import Take, View
 from fieldgym.simulation.stage import Stage
 from fieldgym.simulation.tiny import TinyWorld
 
@@ -50,21 +50,21 @@ def visible(library: Any, view: View) -> Instances:
     return things.where(view.camera.sees(middle, meshes.radius[things.mesh] * scale, eye, target, up))
 
 
-def times_s(shot: Shot, repeat: int, repeat_tiny: int) -> tuple[float, float]:
-    """CPU seconds of a shot as the package takes it, and as PyBullet draws what can show of it."""
-    library, view = shot.stage.library, shot.view
-    own_s = best_of(shot.take, repeat)
+def times_s(take: Take, repeat: int, repeat_tiny: int) -> tuple[float, float]:
+    """CPU seconds of a take as the package takes it, and as PyBullet draws what can show of it."""
+    library, view = take.stage.library, take.view
+    own_s = best_of(take.draw, repeat)
     # What throws shadows may stand beside the view.
-    with TinyWorld(library, view.things if shot.people else visible(library, view)) as world:
-        return own_s, best_of(lambda: world.look(*view.whence, shadow=shot.people), repeat_tiny)
+    with TinyWorld(library, view.things if take.people else visible(library, view)) as world:
+        return own_s, best_of(lambda: world.look(*view.whence, shadow=take.people), repeat_tiny)
 
 
-def both(shot: Shot) -> tuple[Look, Look]:
-    """A shot by the package and by PyBullet, one sample a pixel, with drawn ground, each thing under its number."""
-    things = numbered(shot.view.things)
-    own = Renderer(shot.stage.library).look(things, *shot.view.whence)
-    with TinyWorld(shot.stage.library, things) as world:
-        return own, world.look(*shot.view.whence)
+def both(take: Take) -> tuple[Look, Look]:
+    """A take by the package and by PyBullet, one sample a pixel, with drawn ground, each thing under its number."""
+    things = numbered(take.view.things)
+    own = Renderer(take.stage.library).look(things, *take.view.whence)
+    with TinyWorld(take.stage.library, things) as world:
+        return own, world.look(*take.view.whence)
 
 
 def likeness(own: Look, other: Look) -> Likeness:

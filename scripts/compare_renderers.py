@@ -28,7 +28,7 @@ from fieldgym.kernels.files import replace_file
 from fieldgym.rendering.renderer import Renderer
 from fieldgym.scripts.beside_tiny import both, by_tiny, likeness, times_s
 from fieldgym.scripts.detections import DETECTORS
-from fieldgym.scripts.shots import GROUPS, Shot, shots
+from fieldgym.scripts.takes import GROUPS, Take, takes
 
 
 class Rows(NamedTuple):
@@ -44,33 +44,33 @@ PICTURES = "picture", "pixels", "ms", "target", "PyBullet ms", "times", "ids %",
 FINDS = "detector", "drawn by", "pictures", "truth", "found", "false", "error mm"
 
 
-def digest(shot: Shot) -> str:
-    """Of a shot's picture, its depths, and whom its pixels show."""
-    taken = shot.take()
-    own = Renderer(shot.stage.library).look(shot.view.things, *shot.view.whence)
-    parts = (taken,) if shot.people else (taken.rgb, taken.depth_m)
+def digest(take: Take) -> str:
+    """Of a take's picture, its depths, and whom its pixels show."""
+    taken = take.draw()
+    own = Renderer(take.stage.library).look(take.view.things, *take.view.whence)
+    parts = (taken,) if take.people else (taken.rgb, taken.depth_m)
     total = hashlib.sha256()
     for array in (*parts, own.frame.depth_m, own.identity):
         total.update(np.ascontiguousarray(array).tobytes())
     return total.hexdigest()[:16]
 
 
-def picture_row(shot: Shot, repeat: int) -> tuple[str, ...]:
-    """A shot's row of the first table."""
-    camera = shot.view.camera
-    own_s, tiny_s = times_s(shot, repeat, max(1, repeat // 5))
-    alike = likeness(*both(shot))
+def picture_row(take: Take, repeat: int) -> tuple[str, ...]:
+    """A take's row of the first table."""
+    camera = take.view.camera
+    own_s, tiny_s = times_s(take, repeat, max(1, repeat // 5))
+    alike = likeness(*both(take))
     return (
-        shot.name,
+        take.name,
         f"{camera.width} x {camera.height}",
         f"{1e3 * own_s:.2f}",
-        f"{shot.target_ms:g}",
+        f"{take.target_ms:g}",
         f"{1e3 * tiny_s:.1f}",
         f"{tiny_s / own_s:.0f}",
         f"{100.0 * alike.identities:.3f}",
         f"{1e6 * alike.depth_m:.2f}",
         f"{100.0 * alike.colours:.2f}",
-        digest(shot),
+        digest(take),
     )
 
 
@@ -126,15 +126,15 @@ def main(words: list[str] | None = None) -> None:
     """Draw, compare, print, write."""
     options = parsed(words)
     if options.hashes:
-        for shot in shots(options.only):
-            print(digest(shot), shot.name, flush=True)
+        for take in takes(options.only):
+            print(digest(take), take.name, flush=True)
         return
     console, tables = Console(width=WIDTH, highlight=False), []
     with console.status("drawing") as status:
         pictures = Rows("Pictures", PICTURES, [])
-        for shot in shots(options.only):
-            status.update(f"drawing: {shot.name}")
-            pictures.rows.append(picture_row(shot, options.repeat))
+        for take in takes(options.only):
+            status.update(f"drawing: {take.name}")
+            pictures.rows.append(picture_row(take, options.repeat))
         tables.append(pictures)
         if options.frames and options.only is None:
             finds = Rows(f"Detectors, {options.frames} pictures each, at least", FINDS, [])

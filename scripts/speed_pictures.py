@@ -14,8 +14,8 @@ import gymnasium as gym
 from fieldgym.agents import act_single, make_policy, reference_policy
 from fieldgym.envs import env_ids, task
 from fieldgym.scripts.beside_tiny import times_s
-from fieldgym.scripts.shots import shots
 from fieldgym.scripts.speed_lines import Line
+from fieldgym.scripts.takes import takes
 
 WARM_UP = 5
 """Decisions before those that count: machine code loads with the first."""
@@ -25,10 +25,10 @@ DETECTOR_MS = {"weeds": 5.0, "produce": 4.5}
 
 def pictures(quick: bool) -> Iterator[Line]:
     """Frames of every camera and pictures for people, each beside PyBullet's software renderer on the same scene."""
-    for shot in shots():
-        own_s, theirs_s = times_s(shot, 7 if quick else 15, 1 if quick else 3)
-        name = f"picture for people, {shot.name}" if shot.people else shot.name
-        yield Line(name, 1e3 * own_s, "ms", shot.target_ms, True, f"PyBullet {1e3 * theirs_s:.0f} ms")
+    for take in takes():
+        own_s, theirs_s = times_s(take, 7 if quick else 15, 1 if quick else 3)
+        name = f"picture for people, {take.name}" if take.people else take.name
+        yield Line(name, 1e3 * own_s, "ms", take.target_ms, True, f"PyBullet {1e3 * theirs_s:.0f} ms")
 
 
 def looks(quick: bool) -> Iterator[Line]:

@@ -8,7 +8,7 @@ from fieldgym.rendering.renderer import Renderer
 from fieldgym.scripts.beside_tiny import by_tiny, numbered, painted, visible
 from fieldgym.scripts.compare_renderers import main
 from fieldgym.scripts.detections import DETECTORS
-from fieldgym.scripts.shots import GROUPS, shots
+from fieldgym.scripts.takes import GROUPS, takes
 
 
 def test_the_command_says_how_equal_a_camera_s_pictures_are(tmp_path, capsys):
@@ -42,23 +42,23 @@ def test_wrong_options_are_told_in_one_line(capsys):
 
 
 def test_painted_ground_is_that_of_the_renderer():
-    for shot in shots("laser"):
-        if not shot.people:
-            assert shot.view.ground is not None
-            drawn = shot.stage.things("plants", "soil")
-            bare = Renderer(shot.stage.library).look(drawn, *shot.view.whence).frame
-            taken = shot.take()
-            assert np.array_equal(painted(bare, shot.view.ground, view_of(*shot.view.whence)).rgb, taken.rgb)
+    for take in takes("laser"):
+        if not take.people:
+            assert take.view.ground is not None
+            drawn = take.stage.things("plants", "soil")
+            bare = Renderer(take.stage.library).look(drawn, *take.view.whence).frame
+            taken = take.draw()
+            assert np.array_equal(painted(bare, take.view.ground, view_of(*take.view.whence)).rgb, taken.rgb)
             assert not np.array_equal(bare.rgb, taken.rgb)
 
 
 def test_what_cannot_show_is_left_out_and_nothing_else():
-    for shot in shots("picker"):
-        if not shot.people:
-            whole = shot.view._replace(things=numbered(shot.view.things))
-            some = visible(shot.stage.library, whole)
+    for take in takes("picker"):
+        if not take.people:
+            whole = take.view._replace(things=numbered(take.view.things))
+            some = visible(take.stage.library, whole)
             assert len(some.mesh) < 0.9 * len(whole.things.mesh)
-            renderer = Renderer(shot.stage.library)
+            renderer = Renderer(take.stage.library)
             own, other = (renderer.look(these, *whole.whence).identity for these in (whole.things, some))
             assert np.array_equal(own, other)
             break
@@ -77,5 +77,5 @@ def test_detectors_make_the_same_of_both(name):
 
 @pytest.mark.slow
 def test_every_camera_and_every_task_s_picture_is_compared():
-    names = [shot.name for shot in shots() if shot.take() is not None]
+    names = [take.name for take in takes() if take.draw() is not None]
     assert len(names) == len(set(names)) == 17 and len(GROUPS) == 5

@@ -9,7 +9,7 @@ import pytest
 import fieldgym  # noqa: F401
 from fieldgym.perception import blooms, trays, weeds
 from fieldgym.scripts.beside_tiny import both, by_tiny, likeness
-from fieldgym.scripts.shots import shots
+from fieldgym.scripts.takes import takes
 
 COLOURS = {"picker": 0.99, "laser": 0.9995, "hoe": 0.9995, "sorter": 0.85, "trays": 0.99}
 """Where light is worked out at corners here and at every pixel there, pixels differ by a few levels."""
@@ -29,15 +29,15 @@ def look_both(look: Any) -> list[Any]:
 
 @pytest.mark.parametrize("group", COLOURS)
 def test_cameras_see_what_pybullet_draws(group):
-    for shot in shots(group):
-        if shot.name.endswith("row-dense"):
+    for take in takes(group):
+        if take.name.endswith("row-dense"):
             break  # more of what the row shows
-        if shot.people:
+        if take.people:
             continue
-        alike = likeness(*both(shot))
+        alike = likeness(*both(take))
         # Cells' edges run exactly through samples: there both are right.
-        assert alike.identities >= 0.999 and alike.depth_m < 2e-6 and alike.depth_99_m < 1e-5, shot.name
-        assert alike.colours > COLOURS[group], shot.name
+        assert alike.identities >= 0.999 and alike.depth_m < 2e-6 and alike.depth_99_m < 1e-5, take.name
+        assert alike.colours > COLOURS[group], take.name
 
 
 @pytest.mark.parametrize("scenario", ["pots", "row"])

@@ -44,14 +44,14 @@ class View(NamedTuple):
         return self.camera, self.eye, self.target, self.up
 
 
-class Shot(NamedTuple):
+class Take(NamedTuple):
     """A picture that can be taken again.
 
     Attributes:
         name: of the camera and its scene, or of the task whose picture it is.
         target_ms: what it should take at most.
         people: it is for people: sky, shadows, four samples a pixel.
-        take: draws it, and gives a frame, or a picture for people.
+        draw: draws it, and gives a frame, or a picture for people.
         stage: holds the meshes.
         view: whence it is taken.
     """
@@ -59,18 +59,18 @@ class Shot(NamedTuple):
     name: str
     target_ms: float
     people: bool
-    take: Callable[[], Any]
+    draw: Callable[[], Any]
     stage: Stage
     view: View
 
 
-def shots(group: str | None = None) -> Iterator[Shot]:
+def takes(group: str | None = None) -> Iterator[Take]:
     """Those of one of ``GROUPS``, or of all; what one needs is made as it is reached, and freed behind it."""
     for source in GROUPS.values() if group is None else [GROUPS[group]]:
         yield from source()
 
 
-def _picker() -> Iterator[Shot]:
+def _picker() -> Iterator[Take]:
     for scenario, target_ms in (("pots", 2.0), ("row", 3.5), ("row-dense", 5.0)):
         view = _made("SafflowerPicking", scenario).view
         view.look()
@@ -79,7 +79,7 @@ def _picker() -> Iterator[Shot]:
         yield _people(f"picker, {scenario}", scene)
 
 
-def _laser() -> Iterator[Shot]:
+def _laser() -> Iterator[Take]:
     view = _made("LaserWeeding", "load-1.25").view
     scene = view.camera_scene()
     view.show_strip(scene)
@@ -92,7 +92,7 @@ def _laser() -> Iterator[Shot]:
     yield _people("laser weeding with speed, dense", view._stage)
 
 
-def _hoe() -> Iterator[Shot]:
+def _hoe() -> Iterator[Take]:
     view = _made("HoeWeeding", "dense").view
     scene = view.camera_scene()
     view.show_strip(scene)
@@ -101,14 +101,14 @@ def _hoe() -> Iterator[Shot]:
     yield _people("hoe weeding, dense", view._stage)
 
 
-def _sorter() -> Iterator[Shot]:
+def _sorter() -> Iterator[Take]:
     view = _made("ProduceSorting", "load-1.25").view
     view.take(9)
     yield _camera("sorter's camera", 0.6, view._scene, view._scene.look)
     yield _people("sorting", view._scene)
 
 
-def _trays() -> Iterator[Shot]:
+def _trays() -> Iterator[Take]:
     view = _made("TrayTransplanting", "fill").view
     view.frame()
     scene = view._scene
@@ -124,7 +124,7 @@ def _made(name: str, scenario: str) -> Any:
     return env
 
 
-def _camera(name: str, target_ms: float, scene: Any, take: Callable[[], Any]) -> Shot:
+def _camera(name: str, target_ms: float, scene: Any, draw: Callable[[], Any]) -> Take:
     stage: Stage = scene.stage
     views: list[View] = []
 
@@ -135,37 +135,37 @@ def _camera(name: str, target_ms: float, scene: Any, take: Callable[[], Any]) ->
         views.append(View(camera, eye, target, up, stage.things(*shown), ground))
         return Stage.look(stage, camera, eye, target, up, *groups, ground=ground)
 
-    _overheard(stage, "look", look, take)
-    return Shot(name, target_ms, False, take, stage, views[-1])
+    _overheard(stage, "look", look, draw)
+    return Take(name, target_ms, False, draw, stage, views[-1])
 
 
-def _people(name: str, scene: Any) -> Shot:
+def _people(name: str, scene: Any) -> Take:
     """A picture whose shadows are drawn anew each time, as in a video."""
     stage: Stage = scene.stage
     views: list[View] = []
 
-    def picture(camera: Camera, eye: ArrayLike, target: ArrayLike, about: ArrayLike) -> Any:
-        views.append(View(camera, eye, target, (0.0, 0.0, 1.0), stage.things()))
-        return Stage.picture(stage, camera, eye, target, about)
+    def picture(camera: Camera, eye: ArrayLike, target: ArrayLike, about: ArrayLike, up: ArrayLike) -> Any:
+        views.append(View(camera, eye, target, up, stage.things()))
+        return Stage.picture(stage, camera, eye, target, about, up)
 
-    def take() -> Any:
+    def draw() -> Any:
         stage._casters = None
         return scene.render(640, 480)
 
-    _overheard(stage, "picture", picture, take)
-    return Shot(name, PEOPLE_MS, True, take, stage, views[-1])
+    _overheard(stage, "picture", picture, draw)
+    return Take(name, PEOPLE_MS, True, draw, stage, views[-1])
 
 
-def _overheard(stage: Stage, method: str, instead: Callable[..., Any], take: Callable[[], Any]) -> None:
+def _overheard(stage: Stage, method: str, instead: Callable[..., Any], draw: Callable[[], Any]) -> None:
     """Take a picture while ``instead`` stands for a method of its stage."""
     setattr(stage, method, instead)
     try:
-        take()
+        draw()
     finally:
         delattr(stage, method)
 
 
-GROUPS: dict[str, Callable[[], Iterator[Shot]]] = {
+GROUPS: dict[str, Callable[[], Iterator[Take]]] = {
     "picker": _picker,
     "laser": _laser,
     "hoe": _hoe,
