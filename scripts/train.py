@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -47,6 +47,9 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="By default results/train/NAME-SCENARIO-SEED.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the folder's checkpoint.")] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Play the policy as of its last evaluation in the browser (view extra).")
+    ] = False,
 ) -> None:
     """Train a policy on the analytic backend with a checkpoint after every update.
 
@@ -58,6 +61,8 @@ def main(
       fieldgym train SafflowerPicking --scenario row
 
       fieldgym train SafflowerPicking --scenario row --resume
+
+      fieldgym train HoeWeeding --view
 
       tensorboard --logdir results/train
     """
@@ -90,12 +95,49 @@ def main(
         settings = tuned(env_id, scenario, config, algo=algo, steps=steps, observation=observation)
     except ValueError as error:
         raise CommandError(str(error)) from None
+    if view:
+        _check_view(settings)
     name = env_id.split("/")[-1]
     folder = out or Path("results/train") / f"{name}-{settings.scenario}-{seed}"
     if resume and not folder.is_dir():
         raise CommandError(f"there is no checkpoint in {folder}: start without --resume, or name its folder with --out")
     writable_folder(folder, "--out")
-    _train(Console(highlight=False), env_id, settings, folder, seed, threads, resume)
+    console = Console(highlight=False)
+    with _viewed(console, env_id, settings, folder) if view else nullcontext():
+        _train(console, env_id, settings, folder, seed, threads, resume)
+
+
+def _check_view(settings: Any) -> None:
+    from fieldgym.scripts.view import check_viser
+
+    if settings.observation != "features":
+        raise CommandError(
+            f"--view shows policies that see features, this one sees {settings.observation}: leave it out"
+        )
+    check_viser()
+
+
+@contextmanager
+def _viewed(console: Console, env_id: str, settings: Any, folder: Path) -> Iterator[None]:
+    """A page beside the training, in a process of its own; nothing is played while nobody watches."""
+    from fieldgym.agents import reference_policy
+    from fieldgym.agents.learning.runs import LAST
+    from fieldgym.scripts.view import seat_of
+    from fieldgym.viewer.follow import beside
+    from fieldgym.viewer.play import Play
+
+    options = {"scenario": settings.scenario, "backend": "analytic"}
+    before = Play(env_id, reference_policy(env_id), settings=options)
+    try:
+        process, address = beside(before, folder / LAST, seat_of)
+    except OSError as error:
+        raise CommandError(str(error)) from None
+    console.print(f"Watch the policy as of its last evaluation at {address}", soft_wrap=True)
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.join()
 
 
 def _train(

@@ -79,7 +79,7 @@ def main(
         raise common.CommandError(f"--record {record}: name a file that ends in .html")
     if seconds is not None and (record is None or not seconds > 0.0):
         raise common.CommandError(f"--seconds {seconds:g}: give --record and seconds above 0")
-    _check_viser()
+    check_viser()
     from fieldgym.viewer.play import Play
     from fieldgym.viewer.show import Viewer
 
@@ -142,7 +142,8 @@ def seat_of(play: Play, name: str, trust: bool = False) -> Seat:
         raise
 
 
-def _check_viser() -> None:
+def check_viser() -> None:
+    """Refuse at once what needs viser where it is not installed."""
     try:
         import viser  # noqa: F401
     except ImportError:

@@ -256,6 +256,9 @@ class Desk:
     def _show_play(self) -> None:
         """Have the controls say what is played."""
         play = self._viewer.play
+        for control in (self._policy, self._against):
+            if play.policy not in control.options:
+                control.options = (*control.options, play.policy)
         for control, value in (
             (self._policy, play.policy),
             (self._against, play.against or NOBODY),
