@@ -27,7 +27,7 @@ class HoeMachine(PrrsMachine):
     numbers = HoeParameters
     parameters: HoeParameters
 
-    def soil_force(self, pose: ArrayLike, speed_m_s: float) -> tuple[Array, Array]:
+    def soil_force(self, pose: ArrayLike, speed_m_s: float, ground_m: ArrayLike = 0.0) -> tuple[Array, Array]:
         """Force of the soil on the blade along a motion, (n, 3) N, and where it acts, (n, 3) in the cart's frame.
 
         It opposes the blade's motion over ground with ``soil_resistance_pa`` x blade width x depth.
@@ -35,6 +35,7 @@ class HoeMachine(PrrsMachine):
         Args:
             pose: (n, 6), n >= 2, at ``physics_hz``.
             speed_m_s: of the cart.
+            ground_m: height of the ground under the blade over the cart's own level, one or (n,).
         """
         parameters = self.parameters
         poses = as_points(pose, 6, "pose")
@@ -42,7 +43,7 @@ class HoeMachine(PrrsMachine):
         tip[:, 2] += parameters.origin_height_m
         velocity = np.gradient(tip, 1.0 / parameters.physics_hz, axis=0)
         velocity[:, 0] += speed_m_s
-        depth = np.maximum(-tip[:, 2], 0.0)
+        depth = np.maximum(np.asarray(ground_m, np.float64) - tip[:, 2], 0.0)
         size = parameters.soil_resistance_pa * 2.0 * parameters.blade_radius_m * depth
         speed = np.linalg.norm(velocity, axis=1)
         return -(size / np.maximum(speed, YIELD_M_S))[:, None] * velocity, tip
@@ -54,12 +55,13 @@ class HoeMachine(PrrsMachine):
         on_step: Callable[[int], None] | None = None,
         *,
         measure: bool = False,
+        ground_m: ArrayLike = 0.0,
     ) -> PrrsResult:
-        """``run`` a motion with the soil's resistance, the cart driving at ``speed_m_s``."""
+        """``run`` a motion with the soil's resistance, the cart driving at ``speed_m_s``; see ``soil_force``."""
         poses = as_points(pose, 6, "pose")
         if poses.ndim != 2 or len(poses) < 2:
             return self.run(poses, on_step, measure=measure)
-        force, tip = self.soil_force(poses, speed_m_s)
+        force, tip = self.soil_force(poses, speed_m_s, ground_m)
         felt = np.any(force != 0.0, axis=1)
         pushes, places = force.tolist(), tip.tolist()
         body, client = self.platform_id, self.client.id

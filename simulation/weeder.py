@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,6 +18,8 @@ from .weeder_model import JOINTS, WEEDER_ASSET, WeederParameters, weeder_joints,
 Array = NDArray[np.float64]
 
 MOTORS = ("cart", "leg1", "leg2", "leg3", "leg4")
+LEVEL_WAY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+"""Position and quaternion of a way along the world's x."""
 _DRIVEN = [JOINTS.index(name) for name in MOTORS]
 
 
@@ -45,6 +47,7 @@ class WeederMachine(LoopMachine):
 
     numbers = WeederParameters
     parameters: WeederParameters
+    _way: tuple[float, ...] = LEVEL_WAY
 
     def _build(self) -> None:
         """With the cart at x = 0 and the platform at home."""
@@ -58,8 +61,12 @@ class WeederMachine(LoopMachine):
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, mechanism.home_pose)
 
-    def reset(self, cart_x_m: float, pose: ArrayLike, speed_m_s: float = 0.0) -> None:
-        """Put all joints where the kinematics says, the cart driving at ``speed_m_s``, all legs at rest against it."""
+    def reset(self, cart_x_m: float, pose: ArrayLike, speed_m_s: float = 0.0, way: Sequence[float] = LEVEL_WAY) -> None:
+        """Put all joints where the kinematics says, the cart driving at ``speed_m_s``, all legs at rest against it.
+
+        ``way`` (7,) is position and quaternion (x, y, z, w) of the cart's way.
+        """
+        self._lay(way)
         poses = as_points(pose, 4, "pose").reshape(1, 4)
         joints = weeder_joints(self.parameters, np.array([cart_x_m]), poses)[0]
         self._machine.reset(joints[self._order])
@@ -74,6 +81,7 @@ class WeederMachine(LoopMachine):
         target_height_m: float = 0.0,
         look: NDArray[np.bool_] | None = None,
         on_step: Callable[[int], None] | None = None,
+        ways: ArrayLike | None = None,
     ) -> WeederResult:
         """Drive the machine along a trajectory that is sampled at ``physics_hz`` and starts where it stands.
 
@@ -83,6 +91,8 @@ class WeederMachine(LoopMachine):
             target_height_m: height of the plane on which the beam is looked for.
             look: (n,) rows after whose step beam, closure and efforts are looked at; by default the last one alone.
             on_step: called after every step with the number of the row that was reached.
+            ways: (n, 7), where the cart's way lies in every row, position and quaternion (x, y, z, w): so uneven ground
+                moves cart and all. The machine follows it at once: it is far slower than what it carries.
 
         Raises:
             ValueError: shapes do not fit, the first row is elsewhere, or the client runs at another rate.
@@ -92,9 +102,10 @@ class WeederMachine(LoopMachine):
             raise ValueError(f"cart has shape {carts.shape} and pose {poses.shape}: expected (n,) and (n, 4), n >= 1")
         lengths = self.parameters.mechanism.inverse(poses)
         targets = np.concatenate([carts[:, None], lengths], axis=1)
+        last = len(carts) - 1
+        laid = None if ways is None else np.asarray(ways, np.float64).reshape(len(carts), 7).tolist()
         self._require_rate()
         self._require_start(self._astray_m(carts[0], poses[0]))
-        last = len(carts) - 1
         rows = np.zeros(len(carts), bool) if look is None else np.asarray(look, bool).copy()
         rows[last] = True
         beam = np.full((len(carts), 2), np.nan)
@@ -106,7 +117,11 @@ class WeederMachine(LoopMachine):
                 seen.look()
             if on_step is not None:
                 on_step(row)
+            if laid is not None and row < last:
+                self._lay(laid[row + 1])
 
+        if laid is not None and last:
+            self._lay(laid[1])
         self._machine.follow(targets, watch)
         astray_m = self._astray_m(carts[last], poses[last])
         saturated, measured = self._machine.saturated(seen.effort), bool(rows.all())
@@ -115,8 +130,16 @@ class WeederMachine(LoopMachine):
 
     def _astray_m(self, cart_x_m: float, pose: Array) -> float:
         """Distance of the platform's centre from where a cart and a pose put it."""
-        wanted = np.array([cart_x_m + pose[0], 0.0, self.parameters.base_height_m - pose[1]])
-        return float(np.linalg.norm(self._machine.point("platform") - wanted))
+        wanted = cart_x_m + float(pose[0]), 0.0, self.parameters.base_height_m - float(pose[1])
+        if self._way != LEVEL_WAY:
+            wanted = pybullet.multiplyTransforms(self._way[:3], self._way[3:], wanted, LEVEL_WAY[3:])[0]
+        return float(np.linalg.norm(self._machine.point("platform") - np.array(wanted)))
+
+    def _lay(self, way: Sequence[float]) -> None:
+        """Put the cart's way, and with it all that hangs on it, at a position and quaternion (7,)."""
+        if tuple(way) != self._way:
+            self._way = tuple(way)
+            pybullet.resetBasePositionAndOrientation(self.body_id, self._way[:3], self._way[3:], self.client.id)
 
     def beam_world(self, height_m: float = 0.0) -> Array:
         """World place (2,) where the beam meets the horizontal plane at ``height_m``."""

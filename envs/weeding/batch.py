@@ -64,11 +64,16 @@ class Tracks(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Fields of R worlds; ``tracks`` is None where a camera still has to look, ``luck`` (R, J) where no drive errs."""
+    """Fields of R worlds.
+
+    ``tracks`` is None where a camera still has to look, ``luck`` (R, J) where no drive errs, and there are no
+    ``profiles`` on level ground.
+    """
 
     plants: Plants
     tracks: Tracks | None
     luck: Array | None = None
+    profiles: tuple[field.Profile, ...] = ()
 
 
 def places(table: Table, along: str = "along_m", across: str = "across_m") -> Array:
@@ -94,7 +99,8 @@ def stack(scenario: ScenarioConfig, capacity: int, fields: Sequence[WeedField]) 
         plants.crop[row, crops], plants.crop_luck[row, crops] = places(one.crops), one.crops.luck
         plants.ground_look[row] = one.ground.look[0]
     reports = [one.reports for one in fields if one.reports is not None]
-    return Batch(plants, _tracks(plants, capacity, reports) if len(reports) == len(fields) else None)
+    tracks = _tracks(plants, capacity, reports) if len(reports) == len(fields) else None
+    return Batch(plants, tracks, tuple(one.profile for one in fields if one.profile is not None))
 
 
 def _tracks(plants: Plants, capacity: int, reports: Sequence[field.Reports]) -> Tracks:
@@ -114,7 +120,7 @@ def unstack(batch: Batch, camera: Camera | None) -> list[WeedField]:
 
 
 def _field(batch: Batch, row: int, camera: Camera | None) -> WeedField:
-    plants, tracks, _ = batch
+    plants, tracks, _, profiles = batch
     there = plants.exists[row]
     crops = plants.crop[row, :, G.along] < FAR_M
     names = ("species", "stage", "luck", "look")
@@ -130,4 +136,5 @@ def _field(batch: Batch, row: int, camera: Camera | None) -> WeedField:
         field.Ground(plants.ground_look[row : row + 1]),
         reports,
         None if tracks is None else camera,
+        profiles[row] if profiles else None,
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...kernels.config import Config, choice, flag, nested, num
 from ..drives import DriveErrors, LinearDrive, RotaryDrive
+from .ground_config import GroundConfig
 
 STAGES = ("cotyledon", "two-leaf", "four-leaf")
 SPECIES = ("broadleaf", "grass")
@@ -58,6 +59,8 @@ class ScenarioConfig(Config):
     """Most weeds of a strip; draws beyond are cut off."""
     drives: DriveErrors = nested(DriveErrors)
     """Errors of the tool's drives: legs, sliders and swings; what the cart's drive errs by is the odometry's."""
+    ground: GroundConfig = nested(GroundConfig)
+    """What the cart drives over."""
 
     def check(self) -> None:
         """Hold shares to their sum, and the room to what grows."""
@@ -197,6 +200,31 @@ class FieldTask(Config):
     def half_width_m(self) -> float:
         """Reach to either side."""
         raise NotImplementedError
+
+    @property
+    def tool_line(self) -> tuple[float, float, float]:
+        """The straight line on which the tool works; as it stands, straight down to the ground.
+
+        Returns:
+            Where it begins, metres over what it works on; the height of that over the ground; and 1 where it begins
+            over its place across, 0 where over the frame's middle.
+        """
+        return 0.05, 0.0, 1.0
+
+    @property
+    def eye_m(self) -> float:
+        """Height of the front camera over the ground."""
+        return self.parameters.camera_height_m  # type: ignore[attr-defined]
+
+    @property
+    def depths_m(self) -> tuple[float, float, float]:
+        """How deep the tool works in the ground, by mode; as it stands, it does not."""
+        return 0.0, 0.0, 0.0
+
+    @property
+    def looks_after(self) -> bool:
+        """Whether a camera beside the tool corrects it after the move; as it stands, there is none."""
+        return False
 
     @property
     def label_work_s(self) -> NDArray[np.float64]:

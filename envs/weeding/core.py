@@ -19,12 +19,14 @@ from ..erring import ErringCore
 from ..field import Camera
 from .batch import Batch, stack, unstack
 from .beginning import Looks, begin_tracks, begin_worlds
+from .carried import Carrying
 from .config import SPECIES, FieldTask
 from .drawing import Strip, draw_plants
 from .features import LIMIT, Candidate, Machine, show_tracks
-from .field import WeedField
+from .field import Profile, WeedField
 from .filling import REAL_M, completed, window
 from .gaps import crop_index, passed
+from .ground import draw_profiles, surface_of
 from .perception import PerceptionModel
 from .process import WeedingProcess
 from .rules import apply_worlds, legal_option, plan_worlds
@@ -85,6 +87,7 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         self.action_space = spaces.Discrete(actions)
         self.observation_space = observation_space(self, k, actions, LIMIT)
         self._strip, self._speed_m_s = Strip.of(scenario), float(config.speed_m_s)
+        self._all_seen = perception is not None and perception == PerceptionModel.perfect()
         self._cameras = Cameras.of(scenario, config.cart, perception or PerceptionModel.perfect())
         self._numbers = (*self._strip.random_numbers, *self._cameras.random_numbers(scenario.max_weeds))
         self.tables = tables_of(config, machine, process, perception.delay_s if perception else 0.0)
@@ -122,9 +125,19 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
     def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw strips and what the statistical cameras make of them."""
         luck = self.draw_luck(generators)
-        uniform, normal, *rest = draw_blocks(generators, self._numbers)
+        uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
         plants = draw_plants(self._strip, uniform, normal)
-        return Batch(plants, draw_tracks(self._cameras, plants, *rest) if self.perception else None, luck)
+        profiles = draw_profiles(self.config, plants.ground_look)
+        if self.perception is None:
+            return Batch(plants, None, luck, profiles)
+        carrying = self.carrying(profiles, plants.ground_look)
+        return Batch(
+            plants, draw_tracks(self._cameras, plants, camera_uniform, camera_normal, carrying), luck, profiles
+        )
+
+    def carrying(self, profiles: Sequence[Profile], looks: Array) -> Carrying:
+        """How tracks are carried to the tool over these grounds, of strips with these lucks (R,)."""
+        return Carrying.of(self.config, profiles, looks, self._all_seen)
 
     def stack(self, fields: Sequence[WeedField]) -> Batch:
         """The batch of fields in which nothing is missing."""
@@ -138,13 +151,15 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         """A field with nothing missing; see ``filling``."""
         whole = super().complete(field, generator)
         cameras = self._cameras if self.perception else None
-        done = completed(self.config, cameras, self.camera, whole, generator)
+        done = completed(self.config, cameras, self.camera, whole, generator, self.carrying)
         return self.with_whole_luck(done, whole.drives, generator)
 
     def load(self, rows: Rows, batch: Batch) -> None:
         """Put strips into ``rows`` and the carts before their beginning, already driving."""
-        plants, tracks, luck = batch
+        plants, tracks, luck, profiles = batch
         self.take_luck(rows, luck)
+        if profiles:
+            self.state.surface[rows] = surface_of(self.config, profiles)
         looks = Looks(self.plant_exists, self.plant_species, self.plant_look, self.ground_look)
         response, speed_m_s = self.process.response, self._speed_m_s
         begin_worlds(self.tables, self.machine, response, self.state, looks, rows, plants, speed_m_s)
@@ -208,8 +223,14 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         return plan_worlds(self.tables, self.machine, self.state, actions)
 
     def nominal(self, plan: WeederPlan) -> WeederOutcome:
-        """Nominal phase times, the tool where it was sent, or where drives that err bring it."""
-        return WeederOutcome(plan.phases_s, plan.aim + self.work_error(plan) if self.errs else plan.aim)
+        """Nominal phase times, the tool where it was sent, or where drives that err bring it.
+
+        A camera beside the tool that has looked after the move has seen where they had brought it.
+        """
+        if not self.errs:
+            return WeederOutcome(plan.phases_s, plan.aim)
+        seen = plan.correction.any(axis=1, keepdims=True)
+        return WeederOutcome(plan.phases_s, plan.aim + np.where(seen, 0.0, self.work_error(plan)))
 
     def work_error(self, plan: WeederPlan) -> Array:
         """Where the tool works less where it was sent, (B, 2) on the ground, on average over its work."""

@@ -13,6 +13,7 @@ from ..field import Array, Camera, Field, Table, Toy, Whole, label, number
 from .config import SPECIES, STAGES
 
 _ALONG_M, _ACROSS_M = (-10.0, 510.0), (-2.0, 2.0)
+_HEIGHT_M = -2.0, 2.0
 _LARGEST = 1.0 - 2.0**-53
 """Uniform numbers are smaller than 1."""
 
@@ -60,6 +61,18 @@ class Ground(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class Profile(Table):
+    """Ground that is not level, by rows along the strip in ascending order; even between them."""
+
+    along_m: Array = number("m", -20.0, 520.0, "along the row")
+    left_m: Array = number("m", *_HEIGHT_M, "height under the left wheels' line")
+    middle_m: Array = number("m", *_HEIGHT_M, "height under the crop row")
+    right_m: Array = number("m", *_HEIGHT_M, "height under the right wheels' line")
+    slip_m: Array = number("m", -50.0, 50.0, "way that the odometry has counted too much since the first row", 0.0)
+    sway_m: Array = number("m", -0.5, 0.5, "the wheels' way beside the row, to the left", 0.0)
+
+
+@dataclass(frozen=True, eq=False)
 class WeedField(Field):
     """A strip of field with all of its luck.
 
@@ -70,6 +83,7 @@ class WeedField(Field):
         reports: what the cameras will report; None where it is still to be drawn, or to be rendered.
         camera: whose reports they are; None where any statistical camera makes them.
         drives: luck of the machine's drives; None where none errs.
+        profile: the ground's heights; drawn where the scenario's ground shakes and none is given.
     """
 
     task: ClassVar[str] = "weeding"
@@ -81,6 +95,7 @@ class WeedField(Field):
     reports: Reports | None = None
     camera: Camera | None = None
     drives: DriveLuck | None = None
+    profile: Profile | None = None
 
     @classmethod
     def toy(cls, tool: Literal["laser", "hoe"] = "laser") -> tuple[Toy, ...]:

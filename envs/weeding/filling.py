@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..field import Array, Camera, FieldError, TableT, repeated
-from .batch import Batch, places, stack, unstack
+from .batch import places, stack, unstack
+from .carried import Carrying
 from .config import FieldTask, ScenarioConfig
-from .field import Crops, Ground, Reports, WeedField, Weeds
+from .field import Crops, Ground, Profile, Reports, WeedField, Weeds
 from .gaps import crop_gaps
+from .ground import draw_profile
 from .sighting import Cameras, draw_tracks
 
 REAL_M = 0.02
@@ -23,6 +26,7 @@ def completed(
     camera: Camera | None,
     field: WeedField,
     generator: np.random.Generator,
+    carrying: Callable[[Sequence[Profile], Array], Carrying],
 ) -> WeedField:
     """A field with nothing missing that fits into the rules, everything sorted along the row.
 
@@ -34,6 +38,7 @@ def completed(
         camera: their sign in fields.
         field: every value in its column's range; only what the task fills in is missing.
         generator: draws what is drawn.
+        carrying: says how tracks are carried to the tool, of the ground and the strip's luck.
 
     Raises:
         FieldError: something lies outside the strip, is there twice, or there is too much of it.
@@ -44,16 +49,17 @@ def completed(
     if len(ground) > 1:
         raise FieldError(f"{len(ground)} rows: the ground has one, leave the others out", "ground", 1)
     crops = _whole_crops(scenario, field.crops, generator)
-    bare = WeedField(_along(field.weeds), _along(crops), ground)
+    bare = WeedField(_along(field.weeds), _along(crops), ground, profile=_whole_profile(config, field.profile, ground))
     if cameras is None:
         return bare
     assert camera is not None
     if field.reports is not None and (field.camera is None or field.camera.code.tolist() == camera.code.tolist()):
         return replace(bare, reports=_whole_reports(config, cameras, bare, field.reports), camera=field.camera)
     uniform, normal = cameras.random_numbers(scenario.max_weeds)
-    plants = stack(scenario, 0, [bare]).plants
+    whole = stack(scenario, 0, [bare])
     luck = generator.random((1, uniform)), generator.standard_normal((1, normal))
-    return unstack(Batch(plants, draw_tracks(cameras, plants, *luck)), camera)[0]
+    tracks = draw_tracks(cameras, whole.plants, *luck, carrying(whole.profiles, whole.plants.ground_look))
+    return unstack(whole._replace(tracks=tracks), camera)[0]
 
 
 def window(scenario: ScenarioConfig) -> dict[str, tuple[float, float]]:
@@ -78,6 +84,22 @@ def _whole_crops(scenario: ScenarioConfig, crops: Crops | None, generator: np.ra
     crops.keep_within("crops", "along_m", -pitch, scenario.strip_m + 2.0 * pitch, "row")
     crops.refuse("crops", repeated(places(crops)), "along_m", "another crop plant stands there, leave one out")
     return crops
+
+
+def _whole_profile(config: FieldTask, profile: Profile | None, ground: Ground) -> Profile | None:
+    """The ground's heights, drawn where the scenario's ground is not level and the field says none."""
+    if not config.scenario.ground.uneven:
+        if profile is not None:
+            raise FieldError(
+                "the scenario's ground is level: leave the profile out, or give scenario.ground.iso_class or "
+                "scenario.ground.second_motion",
+                "profile",
+            )
+        return None
+    if profile is None or not len(profile):
+        return draw_profile(config, float(ground.look[0]))
+    profile.refuse("profile", np.diff(profile.along_m, prepend=-np.inf) <= 0.0, "along_m", "give ascending rows")
+    return profile
 
 
 def _whole_reports(config: FieldTask, cameras: Cameras, bare: WeedField, reports: Reports) -> Reports:

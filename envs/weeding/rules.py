@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...kernels import compiled
 from ..core import Array, StepResult
+from .carrying import corrected, deeper, worked
 from .process import dose
 from .state import MODES, NOTHING, PAD, WAIT, N, R, T, Tables, V, WeederPlan, Worlds
 from .timing import WORK, A, Approach, G, P, Place, approach, move_time, ready, way_of
@@ -43,7 +44,7 @@ def plan_worlds(tables: Tables, arm: Any, worlds: Worlds, actions: NDArray[np.in
     pause = WORK + own
     kind, chosen, track = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
     target, aim, speed = np.empty((n, len(A))), np.empty((n, len(G))), np.empty((n, len(V)))
-    phases_s = np.zeros((n, pause + 1))
+    phases_s, correction = np.zeros((n, pause + 1)), np.zeros((n, len(G)))
     for w in range(n):
         speed[w, V.before] = worlds.speed[w]
         speed[w, V.after] = new_speed(tables, worlds.set_speed[w], actions[w] // base)
@@ -53,14 +54,21 @@ def plan_worlds(tables: Tables, arm: Any, worlds: Worlds, actions: NDArray[np.in
         if legal_option(tables, arm, worlds, w, option):
             way = approach_slot(tables, arm, worlds, w, slot, mode)
             kind[w], chosen[w], track[w] = mode, slot, worlds.slot_track[w, slot]
-            # The carrier takes the tool camera's correction along the row.
             seen, told = worlds.track_aim[w, track[w]], worlds.track_report[w, track[w]]
-            target[w, A.carrier] = way.carrier_m + (seen[G.along] - told[G.along])
             target[w, A.lean] = way.lean_m
-            target[w, A.across] = way.across_m + (seen[G.across] - told[G.across])
             phases_s[w, P.move], phases_s[w, P.wait] = way.move_s, way.wait_s
             for phase in range(own):
                 phases_s[w, WORK + phase] = tables.work_s[mode, phase]
+            # The carrier takes the tool camera's correction along the row.
+            if worlds.surface.shape[1] == 0:
+                target[w, A.carrier] = way.carrier_m + (seen[G.along] - told[G.along])
+                target[w, A.across] = way.across_m + (seen[G.across] - told[G.across])
+            else:
+                along, across = corrected(tables, worlds, w, speed[w], way, seen[G.along], seen[G.across])
+                correction[w, G.along], correction[w, G.across] = along, across
+                target[w, A.carrier], target[w, A.across] = way.carrier_m + along, way.across_m + across
+                if tables.looks_after:
+                    phases_s[w, WORK] += move_time(arm, along, 0.0, across)
         else:
             # Waiting keeps the machine near the front edge of the window while the ground passes by.
             pause_s = float(tables.pause_s[kind[w] - WAIT])
@@ -73,7 +81,10 @@ def plan_worlds(tables: Tables, arm: Any, worlds: Worlds, actions: NDArray[np.in
             phases_s[w, P.move], phases_s[w, pause] = move_s, max(pause_s - move_s, 0.0)
         aim[w, G.along] = worlds.track_aim[w, track[w], G.along]
         aim[w, G.across] = worlds.track_aim[w, track[w], G.across]
-    return WeederPlan(kind, chosen, track, worlds.place.copy(), target, aim, worlds.cart.copy(), speed, phases_s)
+        if kind[w] < WAIT and worlds.surface.shape[1] > 0:
+            aim[w, G.along], aim[w, G.across] = worked(tables, worlds, w, speed[w], phases_s[w], target[w])
+    cart = worlds.cart.copy()
+    return WeederPlan(kind, chosen, track, worlds.place.copy(), target, aim, cart, speed, phases_s, correction)
 
 
 @compiled
@@ -101,7 +112,10 @@ def apply_worlds(
         totals[T.time] += elapsed
         rewards[w, R.time] = elapsed * tables.weights[R.time]
         if kind < WAIT:
-            killed, crops = treat(tables, work, worlds, w, kind, plan.track[w], hit[w, G.along], hit[w, G.across])
+            along, across, share = hit[w, G.along], hit[w, G.across], 1.0
+            if worlds.surface.shape[1] > 0:
+                share = deeper(tables, worlds, w, plan.speed[w], phases_s[w], kind, along, across)
+            killed, crops = treat(tables, work, worlds, w, kind, plan.track[w], along, across, share)
             rewards[w, R.killed] = killed * tables.weights[R.killed]
             rewards[w, R.crop] = crops * tables.weights[R.crop]
             rewards[w, R.energy] = tables.energy_j[kind] * tables.weights[R.energy]
@@ -125,25 +139,36 @@ def apply_worlds(
 
 @compiled
 def treat(
-    tables: Tables, work: Any, worlds: Worlds, w: int, mode: int, track: int, along_m: float, across_m: float
+    tables: Tables,
+    work: Any,
+    worlds: Worlds,
+    w: int,
+    mode: int,
+    track: int,
+    along_m: float,
+    across_m: float,
+    share: float,
 ) -> tuple[float, float]:
-    """Work on a place and whatever grows within the tool's reach of it; gives the weeds and crop plants that die."""
+    """Work on a place and whatever grows within the tool's reach of it; gives the weeds and crop plants that die.
+
+    ``share`` is what the ground leaves of the dose, 1 where it is a plane.
+    """
     totals = worlds.totals[w]
     killed = 0.0
     # Weeds are sorted along: from the nearest to the aim to both sides, as far as the tool reaches.
     middle = PAD + worlds.track_near[w, track, N.weed]
     i = middle
     while along_m - worlds.plant[w, i, G.along] <= work.reach_m and i > 0:
-        killed += strike(work, worlds, w, mode, i, along_m, across_m)
+        killed += strike(work, worlds, w, mode, i, along_m, across_m, share)
         i -= 1
     i = middle + 1
     while worlds.plant[w, i, G.along] - along_m <= work.reach_m and i < tables.weeds_end:
-        killed += strike(work, worlds, w, mode, i, along_m, across_m)
+        killed += strike(work, worlds, w, mode, i, along_m, across_m, share)
         i += 1
     crops = 0.0
     nearest = tables.weeds_end + worlds.track_near[w, track, N.crop]
     for i in range(nearest - 1, nearest + 2):
-        crops += strike(work, worlds, w, mode, i, along_m, across_m)
+        crops += strike(work, worlds, w, mode, i, along_m, across_m, share)
     totals[T.killed] += killed
     totals[T.crop] += crops
     totals[T.shots] += 1.0
@@ -157,7 +182,9 @@ def treat(
 
 
 @compiled
-def strike(work: Any, worlds: Worlds, w: int, mode: int, plant: int, along_m: float, across_m: float) -> float:
+def strike(
+    work: Any, worlds: Worlds, w: int, mode: int, plant: int, along_m: float, across_m: float, share: float
+) -> float:
     """Add the work's dose on one plant; gives 1 when it dies of it."""
     along = worlds.plant[w, plant, G.along] - along_m
     if abs(along) > work.reach_m:
@@ -166,7 +193,7 @@ def strike(work: Any, worlds: Worlds, w: int, mode: int, plant: int, along_m: fl
     if abs(across) > work.reach_m:
         return 0.0
     before, limit = worlds.plant_dose[w, plant], worlds.plant_tolerance[w, plant]
-    after = before + dose(work, mode, along, across, worlds.plant_kind[w, plant])
+    after = before + share * dose(work, mode, along, across, worlds.plant_kind[w, plant])
     worlds.plant_dose[w, plant] = after
     return 1.0 if before < limit <= after else 0.0
 

@@ -14,6 +14,7 @@ from ..arrays import allocated
 from ..core import Array
 from ..dice import Block
 from .batch import Plants, Tracks
+from .carried import NOWHERE_M, Carrying, strayed
 from .config import CartConfig, ScenarioConfig
 from .drawing import poisson_sums
 from .gaps import LOOKED_AT, gap_to_crop, gap_to_weed, nearest_along, passed
@@ -137,16 +138,24 @@ class Lots(NamedTuple):
         )
 
 
-def draw_tracks(cameras: Cameras, plants: Plants, uniform: Array, normal: Array) -> Tracks:
-    """What the statistical cameras make of R worlds, from random blocks (R, .) of their own."""
+def draw_tracks(
+    cameras: Cameras, plants: Plants, uniform: Array, normal: Array, carrying: Carrying | None = None
+) -> Tracks:
+    """What the statistical cameras make of R worlds, from random blocks (R, .) of their own.
+
+    By default the ground is level and the odometry errs by what the cameras' statistics say.
+    """
     rows, weeds = plants.exists.shape
     tracks = allocated(Tracks, rows, tracks=cameras.capacity(weeds))
-    look(cameras, plants, Lots.of(cameras, weeds, uniform, normal), tracks)
+    carrying = carrying or Carrying.level(rows)
+    if not carrying.told:
+        carrying = carrying._replace(drift_m=cameras.drift_m * normal[:, 0])
+    look(cameras, plants, Lots.of(cameras, weeds, uniform, normal), carrying, tracks)
     return tracks
 
 
 @compiled
-def look(cameras: Cameras, plants: Plants, lots: Lots, tracks: Tracks) -> None:
+def look(cameras: Cameras, plants: Plants, lots: Lots, carrying: Carrying, tracks: Tracks) -> None:
     """Write the tracks of R worlds, sorted along."""
     room = tracks.real.shape[1]
     told, gap_m, along_m = np.empty((room, len(Q))), np.empty(room), np.empty(room)
@@ -155,8 +164,8 @@ def look(cameras: Cameras, plants: Plants, lots: Lots, tracks: Tracks) -> None:
         weeds = 0
         while weeds < plants.exists.shape[1] and plants.exists[r, weeds]:
             weeds += 1
-        true = see_weeds(cameras, plants, lots, r, weeds, told, gap_m)
-        count = see_what_is_not(cameras, plants, lots, r, weeds, told, gap_m, true)
+        true = see_weeds(cameras, plants, lots, carrying, r, weeds, told, gap_m)
+        count = see_what_is_not(cameras, plants, lots, carrying, r, weeds, told, gap_m, true)
         for i in range(count):
             along_m[i] = told[i, Q.along]
         rank(along_m[:count], order, spare)
@@ -174,10 +183,12 @@ def look(cameras: Cameras, plants: Plants, lots: Lots, tracks: Tracks) -> None:
 
 
 @compiled
-def see_weeds(cameras: Cameras, plants: Plants, lots: Lots, r: int, weeds: int, told: Array, gap_m: Array) -> int:
+def see_weeds(
+    cameras: Cameras, plants: Plants, lots: Lots, carrying: Carrying, r: int, weeds: int, told: Array, gap_m: Array
+) -> int:
     """Write what is told of a world's weeds, and how far they are from the crop; gives how many are told of."""
     count, weed, crop, half_m = 0, plants.weed[r], plants.crop[r], 0.5 * cameras.band_m
-    drift_m, chance, lot = cameras.drift_m * lots.drift[r, 0], lots.seen[r], lots.sighting[r]
+    chance, lot = lots.seen[r], lots.sighting[r]
     recall, first, holds, before = cameras.recall, cameras.first, cameras.holds, 0
     for i in range(weeds):
         along, across = weed[i, G.along], weed[i, G.across]
@@ -191,17 +202,25 @@ def see_weeds(cameras: Cameras, plants: Plants, lots: Lots, r: int, weeds: int, 
             kind = 6 * neighbourhood(cameras.crowded_m, crop_gap, weed_gap) + 3 * species + stage
             row = int(first[kind]) + int(holds[kind] * lot[i])
             gap_m[count] = crop_gap
-            count = tell(told, count, cameras.sightings, row, along, across, drift_m, half_m)
+            count = tell(told, count, cameras.sightings, row, carrying, r, along, across, half_m)
     return count
 
 
 @compiled
 def see_what_is_not(
-    cameras: Cameras, plants: Plants, lots: Lots, r: int, weeds: int, told: Array, gap_m: Array, count: int
+    cameras: Cameras,
+    plants: Plants,
+    lots: Lots,
+    carrying: Carrying,
+    r: int,
+    weeds: int,
+    told: Array,
+    gap_m: Array,
+    count: int,
 ) -> int:
     """Write what is told of no further weed behind the first ``count``; gives how many are told of now."""
     weed, crop, half_m = plants.weed[r], plants.crop[r], 0.5 * cameras.band_m
-    drift_m, place = cameras.drift_m * lots.drift[r, 0], lots.false_place[r]
+    place = lots.false_place[r]
     for g in range(count_upto(cameras.false, lots.false_count[r, 0])):
         lot, owner = lots.false_kind[r, g], lots.false_owner[r, g]
         kind = (1 if lot > cameras.kinds[0] else 0) + (1 if lot > cameras.kinds[1] else 0)
@@ -216,7 +235,7 @@ def see_what_is_not(
             along, across = place[g, G.along] * cameras.length_m, place[g, G.across] * cameras.band_m - half_m
         row = cameras.false_first[kind] + int(cameras.false_holds[kind] * lots.false_sighting[r, g])
         known = count
-        count = tell(told, count, cameras.false_sightings, row, along, across, drift_m, half_m)
+        count = tell(told, count, cameras.false_sightings, row, carrying, r, along, across, half_m)
         if count > known:
             seen_along, seen_across = told[known, Q.along], told[known, Q.across]
             gap_m[known] = gap_to_crop(crop, seen_along, seen_across, passed(crop, seen_along, 0))
@@ -225,7 +244,15 @@ def see_what_is_not(
 
 @compiled
 def tell(
-    told: Array, count: int, sightings: Array, row: int, along_m: float, across_m: float, drift_m: float, half_m: float
+    told: Array,
+    count: int,
+    sightings: Array,
+    row: int,
+    carrying: Carrying,
+    r: int,
+    along_m: float,
+    across_m: float,
+    half_m: float,
 ) -> int:
     """Write what is told of a place behind the first ``count``, if it seems to lie in the band; gives how many are.
 
@@ -234,19 +261,29 @@ def tell(
         count: rows that are written.
         sightings: (m, 7), see ``Sighting``.
         row: which of them it is.
+        carrying: from the front camera's view to the tool.
+        r: the world.
         along_m: the place, ``across_m`` alike.
         across_m: see ``along_m``.
-        drift_m: what the odometry errs by: from the front camera's view to the tool it carries a track along.
         half_m: half the band's width.
     """
-    seen_along, seen_across = along_m + sightings[row, Q.along] + drift_m, across_m + sightings[row, Q.across]
+    seen_along = along_m + sightings[row, Q.along] + carrying.drift_m[r]
+    seen_across = across_m + sightings[row, Q.across]
+    if carrying.surface.shape[1] > 0:
+        stray_along, stray_across = strayed(carrying, r, along_m, across_m)
+        seen_along += stray_along
+        seen_across += stray_across
     if abs(seen_across) > half_m:
         return count
     told[count, Q.along], told[count, Q.across] = seen_along, seen_across
     told[count, Q.aim_along], told[count, Q.aim_across] = seen_along, seen_across
     aim_along, aim_across = along_m + sightings[row, Q.aim_along], across_m + sightings[row, Q.aim_across]
-    if sightings[row, Q.found] > 0.0 and within_gate(aim_along - seen_along, aim_across - seen_across):
+    found = carrying.camera and sightings[row, Q.found] > 0.0
+    # Where the tool camera looks after the move, the rules know only then whether what it sees is near enough.
+    if found and (carrying.after or within_gate(aim_along - seen_along, aim_across - seen_across)):
         told[count, Q.aim_along], told[count, Q.aim_across] = aim_along, aim_across
+    elif carrying.after:
+        told[count, Q.aim_across] = NOWHERE_M
     told[count, Q.species], told[count, Q.stage] = sightings[row, Q.species], sightings[row, Q.stage]
     return count + 1
 

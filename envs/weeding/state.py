@@ -12,8 +12,11 @@ from ..columns import Says, names, numbered
 from ..core import COMMON_SCORES, Array
 from .config import STAGES, FieldTask
 from .features import Candidate
+from .ground import shape_of, span
+from .perception import TOOL_GATE_M
 from .process import WeedingProcess
-from .timing import Arm, Coordinates
+from .shaking import Shape, Surface
+from .timing import Arm, Coordinates, move_time
 
 MODES = 3
 WAIT, NOTHING = MODES, MODES + 1
@@ -118,6 +121,10 @@ class Tables(NamedTuple):
         acceleration_m_s2: of the cart.
         ha_s_per_m_h: hectares an hour at a metre a second.
         time_limit_s: when the episode is cut off.
+        looks_after: whether a camera beside the tool looks after the move and its correction is a motion of its own.
+        gate_m: how far from where it looks it finds a plant.
+        depths_m: (M,), how deep the tool works in the ground, by mode.
+        shape: of frame and tool on ground that is not level.
     """
 
     work_s: Array
@@ -138,6 +145,10 @@ class Tables(NamedTuple):
     acceleration_m_s2: float
     ha_s_per_m_h: float
     time_limit_s: float
+    looks_after: bool
+    gate_m: float
+    depths_m: Array
+    shape: Shape
 
 
 class Worlds(NamedTuple):
@@ -185,6 +196,8 @@ class Worlds(NamedTuple):
     """See ``Totals``."""
     phases_s: Annotated[Array, shaped("phases")]
     """Seconds so far."""
+    surface: Annotated[Array, shaped("rows", Surface)]
+    """The ground along the row; no rows where it is a plane."""
 
 
 class WeederPlan(NamedTuple):
@@ -200,6 +213,7 @@ class WeederPlan(NamedTuple):
         cart: (B,), cart position at the beginning.
         speed: (B, 2), see ``Speeds``.
         phases_s: (B, P), nominal seconds of each phase, in order: those of ``timing.Moving``, the process's own, pause.
+        correction: (B, 2), the part of the way to the target that is a second motion, in the tool's first own phase.
     """
 
     kind: NDArray[np.int64]
@@ -211,14 +225,17 @@ class WeederPlan(NamedTuple):
     cart: Array
     speed: Array
     phases_s: Array
+    correction: Array
 
 
 def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: float) -> Tables:
     """The tables of a configuration; tracks are used ``delay_s`` after the pictures that they come from."""
     scenario, cart, weights = config.scenario, config.cart, config.weights
+    # A target must stay in reach for the longest correction too.
+    spare_s = float(move_time(arm, TOOL_GATE_M, 0.0, TOOL_GATE_M)) if config.looks_after else 0.0
     return Tables(
         work_s=np.ascontiguousarray(process.work_s, dtype=np.float64),
-        stand_s=process.work_s.sum(axis=1),
+        stand_s=process.work_s.sum(axis=1) + spare_s,
         energy_j=np.asarray(process.energy_j, dtype=np.float64),
         pause_s=np.array([cart.moment_s, cart.illegal_s], float),
         weights=np.array([weights.killed, weights.crop, weights.seconds, weights.joules], float),
@@ -235,6 +252,10 @@ def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: flo
         acceleration_m_s2=float(cart.acceleration_m_s2),
         ha_s_per_m_h=0.36 * scenario.band_m,
         time_limit_s=float(config.time_limit_s),
+        looks_after=bool(config.looks_after),
+        gate_m=TOOL_GATE_M,
+        depths_m=np.array(config.depths_m, float),
+        shape=shape_of(config),
     )
 
 
@@ -242,6 +263,8 @@ def empty_worlds(config: FieldTask, phases: int, tracks: int, worlds: int) -> Wo
     """State of worlds that hold nothing yet, with room for ``tracks`` tracks and sums of ``phases`` phases."""
     weeds_end = config.scenario.max_weeds + 2 * PAD
     plants = weeds_end + config.scenario.crops
-    state = allocated(Worlds, worlds, plants=plants, tracks=tracks + 1, slots=config.slots, phases=phases)
+    rows = span(config)[1] if config.scenario.ground.uneven else 0
+    sizes = {"plants": plants, "tracks": tracks + 1, "slots": config.slots, "phases": phases, "rows": rows}
+    state = allocated(Worlds, worlds, **sizes)
     state.plant_kind[:, weeds_end:] = CROP_KIND
     return state

@@ -14,6 +14,7 @@ from ...perception.weeds import Seedlings, WeedTracker, detect
 from ...rendering.shots import MACHINE
 from ..core import Array, Sight, StepResult, View
 from ..pixels import on_picture
+from .carried import WHOLE_M
 from .core import WeedingCore
 from .scene import FieldScene
 from .state import MODES, WAIT, WeederPlan
@@ -25,8 +26,6 @@ DELAY_S = 0.15
 """From a picture to the use of what it showed [assumed, within the published 50-300 ms]."""
 SAME_M = 0.006
 """A track this near to where the tool has worked is of the same plant."""
-WHOLE_M = 0.03
-"""Plants farther than this from the picture's edges are in the picture as a whole, most of them."""
 DRIFT_SHARE = 0.01
 """Standard deviation of the odometry's scale [published range 1-2 % of the distance]."""
 

@@ -48,6 +48,16 @@ class HoeWeedingConfig(FieldTask):
         return self.reach.half_width_m
 
     @property
+    def tool_line(self) -> tuple[float, float, float]:
+        """The shaft: straight down to the ground."""
+        return self.process.clearance_m, 0.0, 1.0
+
+    @property
+    def depths_m(self) -> tuple[float, float, float]:
+        """How deep the blade works, by intensity."""
+        return self.process.depth_m
+
+    @property
     def label_work_s(self) -> Array:
         """Seconds (species, stage) of the stir that a kind calls for."""
         return self.process.work_s.sum(axis=1)[self.process.response.labels()]

@@ -12,6 +12,7 @@ from .....simulation.prrs import PrrsResult
 from ....core import Array
 from ....driven import Driven
 from ...core import WeederOutcome, WeedingCore
+from ...shaking import sinks_m
 from ...state import WAIT, V, WeederPlan
 from ...timing import WORK, A, P, whole_steps
 from ..stayed import FAR_M, stayed
@@ -69,11 +70,18 @@ class PyBulletHoe(Driven[WeederPlan, WeederOutcome]):
                 at, turned = self._machine.platform()
                 errors.append((at - below_m * axes(turned)[:, 2])[:2] - pose[row, :2])
 
-        report = self.last_result = self._machine.hoe(way, speed, look)
+        ground = self._ground_m(tip, cart) if self._core.state.surface.shape[1] else 0.0
+        report = self.last_result = self._machine.hoe(way, speed, look, ground_m=ground)
         hit = plan.aim + np.mean(errors, axis=0) if errors else plan.aim
         if not self.arrived(report.final_error_m, report.saturated):
             hit = np.where(np.isfinite(hit), hit, plan.aim + FAR_M)
         return WeederOutcome(phases, hit)
+
+    def _ground_m(self, tip: Array, cart: Array) -> Array:
+        """Height (n,) of the ground under the blade over the level of the frame, in which the machine is driven."""
+        surface, shape = self._core.state.surface[0], self._core.tables.shape
+        places = zip(cart.tolist(), tip[:, :2].tolist(), strict=True)
+        return np.array([sinks_m(surface, shape, x, along, across) for x, (along, across) in places])
 
     def missed(self, plan: WeederPlan) -> WeederOutcome:
         """The blade stayed where it was."""

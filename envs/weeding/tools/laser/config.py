@@ -63,6 +63,16 @@ class WeedingConfig(FieldTask):
         return self.reach.half_width_m
 
     @property
+    def tool_line(self) -> tuple[float, float, float]:
+        """The beam: from the platform's middle to the growing points."""
+        return self.reach.gap_m, self.reach.target_height_m, 0.0
+
+    @property
+    def looks_after(self) -> bool:
+        """Whether the camera beside the laser corrects it after the move."""
+        return self.scenario.ground.uneven
+
+    @property
     def label_work_s(self) -> Array:
         """Seconds (species, stage) of the correction and of the dose that a kind calls for."""
         process = self.process
