@@ -206,9 +206,14 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInsta
         row: the world.
 
     Raises:
-        ValueError: the episode is under way, or ``reports`` is unknown.
+        ValueError: the episode is under way, ``reports`` is unknown, or the ground shakes the tool.
     """
     state, tables, config, arm = state_of(core), core.tables, core.config, core.machine
+    if config.scenario.ground.uneven:
+        raise ValueError(
+            f"scenario.ground.iso_class = {config.scenario.ground.iso_class!r}: no bound is known where the ground "
+            'moves the tool, take a scenario whose ground is "none" and has no second_motion, slip or wander'
+        )
     check_start(reports, state.totals[row, T.time] > 0.0)
     fastest = float(config.cart.speed_range_m_s[1]) if config.speed_control else float(config.speed_m_s)
     cart = float(state.cart[row])

@@ -84,7 +84,7 @@ def picture(field: Field, path: str | PathLike[str], title: str = "", window: Wi
 def _groups(field: Field) -> list[_Group]:
     groups = []
     for colour, (kind, table) in zip(_repeated(COLOURS), field.tables(), strict=False):
-        if not any(name in table.columns() for name in (*field.places, *GRID)):
+        if not any(name in table.columns() for name in (*field.places[1:], *GRID)):
             continue
         hollow, held = kind.startswith(REPORTED), kind == field.main
         named = next(((name, column) for name, column in table.columns().items() if column.labels), None)

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from math import gamma, pi, sqrt
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
+from fieldgym.bounds.weeding import instance_of
 from fieldgym.envs.field import FieldError
 from fieldgym.envs.field_files import read_field, write_field
 from fieldgym.envs.weeding.config import SCENARIOS
@@ -47,12 +49,12 @@ from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
 
 
-def on(task=WeedingConfig, scenario="load-1.0", **ground):
+def on(task: Any = WeedingConfig, scenario: str = "load-1.0", **ground: Any) -> Any:
     """A task on some ground."""
     return replace(task(), scenario=replace(SCENARIOS[scenario], ground=GroundConfig(**ground)))
 
 
-def drawn(config, worlds=1, perception=None, make=laser_core):
+def drawn(config: Any, worlds: int = 1, perception: Any = None, make: Any = laser_core) -> Any:
     core = make(config, perception or PerceptionModel.perfect(), worlds)
     core.reset_rows(np.arange(worlds), [np.random.default_rng(seed) for seed in range(worlds)])
     return core
@@ -140,9 +142,9 @@ def ramp(slope, side=0.0):
     """Ground that rises along the row and to the left, as a kernel takes it, and its shape for the laser."""
     config = on(second_motion=True)
     first, rows = span(config)
-    along = first + STEP_M * np.arange(rows)
-    heights = slope * along + side * np.array([[0.66], [0.0], [-0.66]])
-    profile = Profile(along, *heights, np.zeros(rows), np.zeros(rows))
+    along = first + STEP_M * np.arange(rows, dtype=np.float64)
+    left, middle, right = slope * along + side * np.array([[0.66], [0.0], [-0.66]])
+    profile = Profile(along, left, middle, right, np.zeros(rows), np.zeros(rows))
     return surface_of(config, [profile])[0], shape_of(config)
 
 
@@ -272,7 +274,8 @@ def test_the_hoe_works_as_deep_as_the_ground_stands_under_it():
         rough.apply(plan, rough.nominal(plan))
         struck = np.flatnonzero(rough.state.plant_dose[0] > before)
         for i in struck:
-            alone = dose(rough.process.work, mode, *(place[i] - plan.aim[0]), int(rough.state.plant_kind[0, i]))
+            along, across = place[i] - plan.aim[0]
+            alone = dose(rough.process.work, mode, along, across, int(rough.state.plant_kind[0, i]))
             assert rough.state.plant_dose[0, i] - before[i] == pytest.approx(share * alone)
             depths.append(share)
     assert min(depths) < 0.9 and max(depths) > 1.1
@@ -284,7 +287,7 @@ def test_pybullet_puts_cart_platform_and_beam_where_the_rules_say():
 
     config = on(iso_class="soil", wander_m=0.0143)
     surface, shape = surface_of(config, [draw_profile(config, 0.2)])[0], shape_of(config)
-    cart = 1.0 + 0.1 / 240.0 * np.arange(121)
+    cart = 1.0 + 0.1 / 240.0 * np.arange(121, dtype=np.float64)
     beam = np.tile([1.03, 0.08, -0.11], (121, 1))
     ways = ways_at(surface, shape, cart)
     with WeederMachine(config.parameters) as machine:
@@ -334,3 +337,8 @@ def test_shape_says_what_the_tool_s_line_is():
     laser, hoe = shape_of(on(iso_class="A")), shape_of(on(HoeWeedingConfig, iso_class="A"))
     assert isinstance(laser, Shape) and (laser.gap_m, laser.low_m, laser.beside) == (0.85, 0.02, 0.0)
     assert (hoe.low_m, hoe.beside) == (0.0, 1.0)
+
+
+def test_no_bound_is_claimed_where_the_ground_moves_the_tool():
+    with pytest.raises(ValueError, match="no bound is known where the ground moves the tool"):
+        instance_of(drawn(on(iso_class="A")))

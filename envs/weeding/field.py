@@ -41,11 +41,14 @@ class Crops(Table):
 
 @dataclass(frozen=True, eq=False)
 class Reports(Table):
-    """The tracks that the statistical cameras make, in any order."""
+    """The tracks that the statistical cameras make, in any order.
+
+    A tool camera that looks after the move sees a plant at the aim where that is near to where it looks then.
+    """
 
     along_m: Array = number("m", -20.0, 520.0, "where the machine believes a plant when it aims, along the row")
     across_m: Array = number("m", *_ACROSS_M, "the same across")
-    aim_along_m: Array = number("m", -20.0, 520.0, "where the tool is set after its camera's correction", "task")
+    aim_along_m: Array = number("m", -20.0, 520.0, "where the tool camera has the tool set", "task")
     aim_across_m: Array = number("m", -3.0, 3.0, "the same across", "task")
     species: Whole = label(SPECIES, "reported", 0.0)
     stage: Whole = label(STAGES, "reported", 1.0)

@@ -104,7 +104,8 @@ def draw_profile(config: FieldTask, look: float) -> Profile:
     _superpose(waves.mix, luck, waves.cosine, waves.sine, heights)
     _stray(generator.standard_normal(rows), math.exp(-STEP_M / _SLIP_M), float(ground.slip_share), slip)
     _sway(generator.standard_normal((len(_SWAYS_PER_M), 2)), float(ground.wander_m), waves, sway)
-    return Profile(first + STEP_M * np.arange(rows), *heights.T, slip, sway)
+    left, middle, right = heights.T
+    return Profile(first + STEP_M * np.arange(rows, dtype=np.float64), left, middle, right, slip, sway)
 
 
 def draw_profiles(config: FieldTask, looks: Array) -> tuple[Profile, ...]:
@@ -117,7 +118,7 @@ def draw_profiles(config: FieldTask, looks: Array) -> tuple[Profile, ...]:
 def surface_of(config: FieldTask, profiles: Sequence[Profile]) -> Array:
     """Surfaces (R, S, 7) that kernels take; a profile of other rows is taken between them."""
     first, rows = span(config)
-    along = first + STEP_M * np.arange(rows)
+    along = first + STEP_M * np.arange(rows, dtype=np.float64)
     surface = np.zeros((len(profiles), rows, len(U)))
     for row, profile in enumerate(profiles):
         for column, name in ((U.left, "left_m"), (U.middle, "middle_m"), (U.right, "right_m"), (U.slip, "slip_m")):
@@ -140,7 +141,7 @@ def _waves(ground: GroundConfig, first_m: float, rows: int) -> Waves:
     # Waves in the middles of equal bands; so many that the ground does not begin anew where it ends.
     bands = math.ceil((high - low) * max(1.0 / low, rows * STEP_M))
     step = (high - low) / bands
-    waves = low + step * (np.arange(bands) + 0.5)
+    waves = low + step * (np.arange(bands, dtype=np.float64) + 0.5)
     size = np.sqrt(density_m3(ground, waves) * step)
     half, whole = (coherence(ground, waves, apart) for apart in (0.5 * ground.track_m, ground.track_m))
     mix = np.zeros((len(waves), 3, 3))
@@ -150,7 +151,7 @@ def _waves(ground: GroundConfig, first_m: float, rows: int) -> Waves:
     mix[:, 1, 1] = np.sqrt(1.0 - half * half)
     mix[:, 2, 1] = (half - half * whole) / mix[:, 1, 1]
     mix[:, 2, 2] = np.sqrt(1.0 - whole * whole - mix[:, 2, 1] * mix[:, 2, 1])
-    along = first_m + STEP_M * np.arange(rows)
+    along = first_m + STEP_M * np.arange(rows, dtype=np.float64)
     tables = [np.empty((len(part), rows)) for part in (waves, waves, _SWAYS_PER_M, _SWAYS_PER_M)]
     _turn(waves, along, tables[0], tables[1])
     _turn(np.array(_SWAYS_PER_M), along, tables[2], tables[3])
