@@ -100,7 +100,7 @@ def stack(scenario: ScenarioConfig, capacity: int, fields: Sequence[WeedField]) 
         plants.ground_look[row] = one.ground.look[0]
     reports = [one.reports for one in fields if one.reports is not None]
     tracks = _tracks(plants, capacity, reports) if len(reports) == len(fields) else None
-    return Batch(plants, tracks, tuple(one.profile for one in fields if one.profile is not None))
+    return Batch(plants, tracks, profiles=tuple(one.profile for one in fields if one.profile is not None))
 
 
 def _tracks(plants: Plants, capacity: int, reports: Sequence[field.Reports]) -> Tracks:
@@ -136,5 +136,5 @@ def _field(batch: Batch, row: int, camera: Camera | None) -> WeedField:
         field.Ground(plants.ground_look[row : row + 1]),
         reports,
         None if tracks is None else camera,
-        profiles[row] if profiles else None,
+        profile=profiles[row] if profiles else None,
     )
