@@ -19,7 +19,6 @@ from ..erring import ErringCore
 from ..field import Camera
 from .batch import Batch, stack, unstack
 from .beginning import Looks, begin_tracks, begin_worlds
-from .carried import Carrying
 from .config import SPECIES, FieldTask
 from .drawing import Strip, draw_plants
 from .features import LIMIT, Candidate, Machine, show_tracks
@@ -33,6 +32,7 @@ from .rules import apply_worlds, legal_option, plan_worlds
 from .showing import decide_worlds, show_worlds
 from .sighting import Cameras, draw_tracks
 from .state import BLOCKS, CROP_KIND, MODES, PAD, WAIT, Common, N, Own, R, Rewards, WeederPlan, empty_worlds, tables_of
+from .straying import Carrying
 from .timing import G, Moving
 
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from ..field import Array, Camera, FieldError, TableT, repeated
 from .batch import places, stack, unstack
-from .carried import Carrying
 from .config import FieldTask, ScenarioConfig
 from .field import Crops, Ground, Profile, Reports, WeedField, Weeds
 from .gaps import crop_gaps
 from .ground import draw_profile
 from .sighting import Cameras, draw_tracks
+from .straying import Carrying
 
 REAL_M = 0.02
 """A track has a weed behind it when one stands this near to where it is shot at."""

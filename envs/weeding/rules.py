@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ...kernels import compiled
 from ..core import Array, StepResult
-from .carrying import corrected, deeper, worked
 from .process import dose
+from .shaken import corrected, deeper, worked
 from .state import MODES, NOTHING, PAD, WAIT, N, R, T, Tables, V, WeederPlan, Worlds
 from .timing import WORK, A, Approach, G, P, Place, approach, move_time, ready, way_of
 

@@ -14,11 +14,11 @@ from ..arrays import allocated
 from ..core import Array
 from ..dice import Block
 from .batch import Plants, Tracks
-from .carried import NOWHERE_M, Carrying, strayed
 from .config import CartConfig, ScenarioConfig
 from .drawing import poisson_sums
 from .gaps import LOOKED_AT, gap_to_crop, gap_to_weed, nearest_along, passed
 from .perception import TOOL_GATE_M, PerceptionModel, Q
+from .straying import NOWHERE_M, Carrying, strayed
 from .timing import G
 
 AT_WEED, AT_CROP = 0, 1

@@ -14,10 +14,10 @@ from ...perception.weeds import Seedlings, WeedTracker, detect
 from ...rendering.shots import MACHINE
 from ..core import Array, Sight, StepResult, View
 from ..pixels import on_picture
-from .carried import WHOLE_M
 from .core import WeedingCore
 from .scene import FieldScene
 from .state import MODES, WAIT, WeederPlan
+from .straying import WHOLE_M
 from .timing import G
 
 FRAME_EVERY_M = 0.06
