@@ -17,12 +17,13 @@ from .styles import Style, policy_styles
 HERE = Path(__file__).parent
 
 
-def render(study: Study, command: str) -> str:
+def render(study: Study, command: str, replays: Mapping[str, Mapping[str, str]] | None = None) -> str:
     """The page.
 
     Args:
         study: what to show.
         command: how this page was made; printed at its foot.
+        replays: by environment and policy, pages to link to from its Gantt chart.
     """
     styles = styles_of(study)
     body = join(
@@ -32,7 +33,7 @@ def render(study: Study, command: str) -> str:
                 "main",
                 _glance(study, styles),
                 _cameras(study),
-                [sections.chapter(item, styles) for item in study.chapters],
+                [sections.chapter(item, styles, (replays or {}).get(item.task.id, {})) for item in study.chapters],
             ),
             _footer(study, command),
         ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 
 from ..suites import Condition
 from ..summary import Row
@@ -38,8 +39,8 @@ def best(tier: Tier) -> Row:
     return max(there or tier.rows, key=lambda row: row.scores["return"].value)
 
 
-def chapter(item: Chapter, styles: dict[str, Style]) -> Markup:
-    """The section of an environment."""
+def chapter(item: Chapter, styles: dict[str, Style], replays: Mapping[str, str]) -> Markup:
+    """The section of an environment; ``replays`` are pages by policy."""
     tier, task = item.headline, item.task
     return tag(
         "section",
@@ -83,7 +84,7 @@ def chapter(item: Chapter, styles: dict[str, Style]) -> Markup:
             _class="pair",
         ),
         _seconds(tier),
-        _episode(tier),
+        _episode(tier, replays),
         _others(item, styles),
         id=anchor(task.id),
     )
@@ -236,7 +237,7 @@ def _seconds(tier: Tier) -> Markup:
     )
 
 
-def _episode(tier: Tier) -> Markup:
+def _episode(tier: Tier, replays: Mapping[str, str]) -> Markup:
     if not tier.timelines:
         return EMPTY
     field = next(iter(tier.timelines.values())).field
@@ -245,6 +246,7 @@ def _episode(tier: Tier) -> Markup:
         f"The same for every policy, {tier.condition.instances} {field}: what the machine did, start to end.",
         gantt.legend(gantt.phases_of(tier)),
         gantt.episode(tier),
+        _replays(replays),
         tag(
             "p",
             tag("b", "Decision by decision"),
@@ -253,6 +255,15 @@ def _episode(tier: Tier) -> Markup:
             _class="subcaption",
         ),
         gantt.close_up(tier),
+    )
+
+
+def _replays(replays: Mapping[str, str]) -> Markup:
+    if not replays:
+        return EMPTY
+    links = [[" " if i else "", tag("a", policy, href=page)] for i, (policy, page) in enumerate(replays.items())]
+    return tag(
+        "p", tag("b", "Watch it"), " The first minute of this episode in three dimensions: ", links, _class="subcaption"
     )
 
 
