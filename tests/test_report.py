@@ -1,5 +1,6 @@
 """The benchmark's page and leaderboard: whole, self-contained, and with the figures of the tables."""
 
+import importlib
 import json
 import os
 import re
@@ -382,6 +383,18 @@ def test_leaderboard_ranks_by_return_and_has_the_tables_figures(study: reader.St
     tables = re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE)
     assert len(tables) == 2 * len(study.chapters) + 1  # scores and rates, and the cameras
     assert all(len({line.count("|") for line in table.splitlines()}) == 1 for table in tables)
+
+
+def test_the_site_reads_the_scores_and_not_the_rates(
+    study: reader.Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.syspath_prepend(str(Path(leaderboard.__file__).parents[2] / "docs"))
+    page = tmp_path / "leaderboard.md"
+    page.write_text(leaderboard.render(study, "x"))
+    found = importlib.import_module("fieldsite.leaderboard").read(page)
+    assert [len(board.rows) for board in found.boards.values()] == [
+        len(item.headline.all_rows) for item in study.chapters
+    ]
 
 
 def test_command_writes_both_files(results: Path, tmp_path: Path):

@@ -60,7 +60,8 @@ def read(page: Path) -> Leaderboard:
     boards = {}
     for section in re.split(r"^## ", text, flags=re.M)[1:]:
         found = re.search(r"^`([\w/-]+)`, (.+)$", section, re.M)
-        lines = [line for line in section.splitlines() if line.startswith("|")]
+        scores = re.search(r"(?:^\|.*\n)+", section, re.M)  # a table of rates follows it
+        lines = scores[0].splitlines() if scores else []
         if found is None or len(lines) < 3:
             continue
         heading, _, *rows = (tuple(part.strip() for part in line.strip("|").split("|")) for line in lines)
