@@ -10,8 +10,10 @@ from .record import Record, condition
 from .suites import Condition
 
 WORK, EACH_S, EACH_J, AREA_KWH, LOSS = "work_per_h", "done_per_s", "joules_each", "kwh_per_ha", "loss_percent"
+MET, ACCEPTED = "demand_met", "accepted_per_h"
 """Names of the derived scores: hectares (metres of row, trays, items) an hour, finished targets a second, joules of
-tool and motors a finished target, kilowatt hours of both a hectare, and what the crop lost in percent."""
+tool and motors a finished target, kilowatt hours of both a hectare, and what the crop lost in percent. Where a net rate
+is demanded: whether it was met, and the work an hour that counts, none where it was not."""
 HECTARES = "ha"
 
 
@@ -40,6 +42,9 @@ def derived(record: Record) -> dict[str, float]:
             found[EACH_J] = joules / done
         if rates.unit == HECTARES and area_ha > 0.0:
             found[AREA_KWH] = joules / JOULES_PER_KWH / area_ha
+        if rates.demanded > 0.0:
+            met = card["net_rate"] >= rates.demanded
+            found |= {MET: float(met), ACCEPTED: work if met else 0.0}
         return found | ({LOSS: card[rates.loss_percent]} if rates.loss_percent else {})
     except KeyError:
         return {}

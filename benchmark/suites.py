@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..agents.foreign import in_words
+from ..agents.policies.weights import LEARNED
 from ..agents.sources import REGISTERED, PolicySource, policy_names, policy_source, task_code
 from ..envs.task import TaskSpec, task, tasks
 from .fields import FieldFile
@@ -302,8 +303,8 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
     camera, the others on fewer seeds with the model of theirs, without bounds. ``full``: every headline scenario on
     many seeds with the analytic backend, and on the first of them in PyBullet, both with the camera's model, so that
     the two differ in what carries plans out alone; and the reference on all of these seeds with the analytic backend
-    and its rendered cameras, which differ from the first in what sees alone. ``tiers``: every scenario on many seeds
-    with the analytic backend.
+    and its rendered cameras, which differ from the first in what sees alone; and the rules on the scenarios that demand
+    a net rate, without bounds. ``tiers``: every scenario on many seeds with the analytic backend.
     A task without a simulated machine, or without a camera, is run with what it has.
 
     Args:
@@ -331,8 +332,12 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
             ]
             if "camera" in spec.perceptions:
                 parts.append((headline, "analytic", "camera", FULL_FIRST_SEED, FULL_EPISODES, reference))
+            rules = tuple(name for name in everybody if name != LEARNED)
+            for scenario, sees in spec.demands.items():
+                parts.append(((scenario,), "analytic", sees, FULL_FIRST_SEED, FULL_EPISODES, rules))
         else:
             parts = [(spec.scenarios, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES, everybody)]
+        bounded = name != "quick"
         for scenarios, backend, perception, first_seed, episodes, policies in parts:
             for scenario in scenarios:
                 case = Case(
@@ -340,7 +345,7 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
                     policies,
                     spec.reference,
                     tuple(range(first_seed, first_seed + episodes)),
-                    name != "quick" and perception == "model" and spec.bound is not None,
+                    bounded and perception == "model" and spec.bound is not None and scenario not in spec.demands,
                 )
                 cases.setdefault(case.condition, case)
     return Suite(name, tuple(cases.values()))

@@ -94,6 +94,8 @@ def field_columns(rows: Sequence[Row]) -> tuple[Column, ...]:
     columns = (
         Column("net rate, %", "net_rate", 100.0, 2),
         Column(f"{unit} an hour", rates.WORK, 1.0, 4 if unit == rates.HECTARES else 1),
+        Column("demand met, % of fields", rates.MET, 100.0, 1),
+        Column(f"{unit} an hour where met", rates.ACCEPTED, 1.0, 4),
         Column("killed a second" if kills else "done a second", rates.EACH_S, 1.0, 3),
         Column("J a kill" if kills else "J each", rates.EACH_J, 1.0, 1),
         Column("kWh a hectare", rates.AREA_KWH, 1.0, 2),

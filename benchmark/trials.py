@@ -14,7 +14,7 @@ from ..agents.rollout import batch_decisions
 from ..envs.rates import HOUR_S, JOULES_PER_KWH, Rates, items
 from ..envs.references import resolved
 from ..envs.task import factories, task
-from .rates import AREA_KWH, EACH_J, EACH_S, HECTARES, WORK
+from .rates import ACCEPTED, AREA_KWH, EACH_J, EACH_S, HECTARES, MET, WORK
 
 Array = NDArray[np.float64]
 Eyes = Callable[[Any], Any]
@@ -78,6 +78,9 @@ def _rated(rates: Rates, scores: Mapping[str, Array]) -> dict[str, Array]:
     joules = np.array([rates.joules(card) for card in cards])
     found = {WORK: work, EACH_S: scores["throughput_per_min"] / 60.0}
     found[EACH_J] = joules / np.where(scores["done"] > 0.0, scores["done"], np.nan)
+    if rates.demanded > 0.0:
+        met = scores["net_rate"] >= rates.demanded
+        found |= {MET: met.astype(float), ACCEPTED: np.where(met, work, 0.0)}
     if rates.unit == HECTARES:
         found[AREA_KWH] = joules / JOULES_PER_KWH / (work * scores["duration_s"] / HOUR_S)
     return found

@@ -34,6 +34,7 @@ class Rates(NamedTuple):
         tool_j: the tool's own energy in the episode.
         motor_w: mean power of the motors in the phases in which they move the tool, by the phase's name.
         loss_percent: name of the score that says what the crop lost; empty where there is no crop to lose.
+        demanded: net rate that an hour's work has to reach to count; 0 where none is demanded.
     """
 
     unit: str
@@ -41,6 +42,7 @@ class Rates(NamedTuple):
     tool_j: Callable[[Scores], float] = lambda scores: 0.0
     motor_w: Mapping[str, float] = {}
     loss_percent: str = ""
+    demanded: float = 0.0
 
     def joules(self, scores: Scores) -> float:
         """Energy of tool and motors in the episode."""

@@ -46,6 +46,7 @@ class TaskSpec:
         learning: settings of ``fieldgym train`` by name, or a YAML file of them inside a package
             (``"package:folder/file.yaml"``).
         learners: algorithms of the task's own by name, beside those that every task has.
+        demands: scenarios that demand a net rate, and the perception under which it can be met, for the benchmark.
     """
 
     id: str
@@ -60,6 +61,7 @@ class TaskSpec:
     bound: str | Callable[[Any, str], Any] | None = None
     learning: str | Mapping[str, Any] | None = None
     learners: Mapping[str, str | Callable[..., Any]] = field(default_factory=dict)
+    demands: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check what can be checked without loading anything."""

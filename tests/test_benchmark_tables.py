@@ -248,7 +248,9 @@ def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or
         by_backend = {
             case.condition.backend: case
             for case in cases
-            if case.condition.env_id == env_id and case.condition.perception != "camera"
+            if case.condition.env_id == env_id
+            and case.condition.perception != "camera"
+            and case.condition.scenario not in task(env_id).demands
         }
         assert {case.condition.scenario for case in by_backend.values()} == {task(env_id).headline}
         assert {case.condition.perception for case in by_backend.values()} == {"model"}
@@ -272,7 +274,8 @@ def test_the_full_suite_pairs_cameras_with_their_model():
         own = {
             case.condition.perception: case
             for case in cases
-            if case.condition.env_id == spec.id and case.condition.backend == "analytic"
+            if (case.condition.env_id, case.condition.backend) == (spec.id, "analytic")
+            and case.condition.scenario == spec.headline
         }
         assert own.keys() == {"camera", "model"} & set(spec.perceptions)
         if "camera" in own:
@@ -282,11 +285,20 @@ def test_the_full_suite_pairs_cameras_with_their_model():
             assert seen.seeds == modelled.seeds and len(seen.seeds) == 200
 
 
+def test_the_full_suite_plays_what_is_demanded_with_eyes_that_can_meet_it():
+    cases = [case for case in suites.suite("full").cases if case.condition.scenario.startswith("demand")]
+    assert {(case.condition.env_id, case.condition.scenario, case.condition.perception) for case in cases} == {
+        ("fieldgym/LaserWeedingSpeed-v0", "demand-0.90", "perfect"),
+        ("fieldgym/LaserWeedingSpeed-v0", "demand-0.60", "model"),
+    }
+    assert all("learned" not in case.policies and "hold-backlog-0.65" in case.policies for case in cases)
+
+
 def test_a_suite_is_narrowed_to_a_perception():
     narrowed = suites.suite("full").narrowed(perception="camera")
     assert {case.condition.perception for case in narrowed.cases} == {"camera"} and narrowed.cases
-    with pytest.raises(ValueError, match="no case of the suite full has perfect perception: camera, model have"):
-        suites.suite("full").narrowed(perception="perfect")
+    with pytest.raises(ValueError, match="no case of the suite quick has perfect perception: camera, model have"):
+        suites.suite("quick").narrowed(perception="perfect")
 
 
 def test_suites_cover_every_environment_with_its_reference():
@@ -300,9 +312,15 @@ def test_suites_cover_every_environment_with_its_reference():
         for case in cases:
             assert case.reference in case.policies
             seen = case.condition.perception == "camera" and name == "full"
-            assert case.policies == ((case.reference,) if seen else policy_names(case.condition.env_id))
+            owed = name == "full" and case.condition.scenario in task(case.condition.env_id).demands
+            everybody = policy_names(case.condition.env_id)
+            rules = tuple(policy for policy in everybody if policy != "learned")
+            assert case.policies == ((case.reference,) if seen else rules if owed else everybody)
             assert case.condition.scenario in task(case.condition.env_id).scenarios
-            assert case.bounded == (name != "quick" and not seen and case.condition.env_id in bounded_ids())
+            demanding = case.condition.scenario in task(case.condition.env_id).demands
+            assert case.bounded == (
+                name != "quick" and not seen and not demanding and case.condition.env_id in bounded_ids()
+            )
             asked = [episode.policy for episode in case.episodes() if episode.seed == case.seeds[0]]
             assert asked == [*case.policies, *([BOUND] if case.bounded else [])]
             assert [e.seed for e in case.episodes() if e.timeline] == [case.seeds[0]] * len(case.policies)

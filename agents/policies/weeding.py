@@ -196,9 +196,10 @@ class HoldBacklog(_SpeedRule):
 
     name = "hold-backlog"
 
-    def __init__(self, policy: ScriptedWeeder, low: float = 0.75, high: float = 0.95):
+    def __init__(self, policy: ScriptedWeeder, low: float = 0.75, high: float = 0.95, name: str = name):
         """Hold the backlog between ``low`` and ``high``."""
         super().__init__(policy)
+        self.name = name
         self._low, self._high = low, high
         self._front = policy.outlook.arm.front_m
         self._move_s = policy.config.nominal_move_s

@@ -195,3 +195,8 @@ def constant_15(env: Any, seed: int) -> AtSpeed:
 def hold_backlog(env: Any, seed: int) -> HoldBacklog:
     """``receding-horizon`` at a speed that keeps the backlog constant."""
     return HoldBacklog(RecedingHorizon.make(env, seed))
+
+
+def hold_backlog_065(env: Any, seed: int) -> HoldBacklog:
+    """``hold-backlog`` with a third of its time to spare, for a share of the weeds that is demanded."""
+    return HoldBacklog(RecedingHorizon.make(env, seed), 0.50, 0.65, "hold-backlog-0.65")

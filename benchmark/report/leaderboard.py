@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from ..rates import ACCEPTED, rates_of
 from ..summary import Row
 from ..tables import LEGEND, Column, doubt, escaped, field_columns
 from . import sections
@@ -25,6 +26,8 @@ COLUMNS = (
     Column("ms a decision", "decision_ms", 1.0, 2),
 )
 
+_RETURN = Column("return", "return", 1.0, 3)
+
 
 def render(study: Study, command: str) -> str:
     """The leaderboard.
@@ -40,6 +43,7 @@ def render(study: Study, command: str) -> str:
         "Each task's headline tier, policies by mean return. " + LEGEND,
         "",
         *(line for item in study.chapters for line in _chapter(item)),
+        *_demands(study.chapters),
         *_cameras(study.chapters),
         "## Where it comes from",
         "",
@@ -65,20 +69,29 @@ def _chapter(item: Chapter) -> list[str]:
         "",
         f"`{item.task.id}`, {escaped(sections.words(tier.condition))}, {len(tier.seeds)} {tier.condition.instances}s.",
         "",
-        *_table(rows, shown),
+        *_numbered(rows, shown),
         *([] if tier.bound is None else [_line("", tier.bound, shown)]),
         "",
-        *(["In the field:", "", *_table(rows, told), ""] if told else []),
+        *(["In the field:", "", *_named(rows, told), ""] if told else []),
         *_driven(item),
     ]
 
 
-def _table(rows: Sequence[Row], columns: Sequence[Column]) -> list[str]:
-    """Lines of a table of policies, numbered by their place."""
+def _numbered(rows: Sequence[Row], columns: Sequence[Column]) -> list[str]:
+    """Lines of a table of policies with their places."""
     return [
         "| | policy | " + " | ".join(column.title for column in columns) + " |",
         "|--:|---" + "|--:" * len(columns) + "|",
         *(_line(str(i), row, columns) for i, row in enumerate(rows, start=1)),
+    ]
+
+
+def _named(rows: Sequence[Row], columns: Sequence[Column]) -> list[str]:
+    """Lines of a table of policies."""
+    return [
+        "| policy | " + " | ".join(column.title for column in columns) + " |",
+        "|---" + "|--:" * len(columns) + "|",
+        *(f"| {_cells(row, columns)} |" for row in rows),
     ]
 
 
@@ -88,11 +101,14 @@ def _place(row: Row) -> float:
 
 
 def _line(place: str, row: Row, columns: Sequence[Column]) -> str:
+    return f"| {place} | {_cells(row, columns)} |"
+
+
+def _cells(row: Row, columns: Sequence[Column]) -> str:
     texts = (column.cell(row) for column in columns)
     cells = [f"{value}<br>{interval}" if interval else value for value, interval in texts]
     name = escaped(row.policy)
-    name = f"**{name}**" if row.policy == row.reference else name
-    return f"| {place} | {name} | " + " | ".join(cells) + " |"
+    return " | ".join([f"**{name}**" if row.policy == row.reference else name, *cells])
 
 
 def _driven(item: Chapter) -> list[str]:
@@ -107,6 +123,26 @@ def _driven(item: Chapter) -> list[str]:
         f"{100.0 * points:.2f} points and {seconds:.3f} s.",
         "",
     ]
+
+
+def _demands(chapters: Sequence[Chapter]) -> list[str]:
+    """Tiers that demand a net rate: policies by the work an hour that meets it."""
+    lines: list[str] = []
+    for item in chapters:
+        for tier in item.others:
+            demanded = rates_of(tier.condition).demanded
+            if demanded > 0.0:
+                rows = sorted(tier.rows, key=lambda row: -row.scores[ACCEPTED].value)
+                where = f"{sections.name_of(item.task.id)}, {escaped(sections.words(tier.condition))}, demanded "
+                where += f"{100.0 * demanded:g} %, {len(tier.seeds)} {tier.condition.instances}s:"
+                lines += [where, "", *_named(rows, (*field_columns(rows), _RETURN)), ""]
+    if not lines:
+        return []
+    said = (
+        "As fast as you like down to a demanded net rate: kills beyond it are worth nothing, every second costs. A "
+        "field on which the demand is missed counts as no work at all."
+    )
+    return ["## Down to a demand", "", said, "", *lines]
 
 
 def _cameras(chapters: Sequence[Chapter]) -> list[str]:

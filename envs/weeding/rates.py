@@ -14,9 +14,9 @@ _MOVES, _NEAR = 200, 0.7
 motors' mean power is then within a fifth of what ``fifo`` and ``nearest`` ask of both machines on their own moves]."""
 
 
-def weeding_rates(motor_w: Mapping[str, float]) -> Rates:
-    """How scorecards of a weeder are read whose motors take ``motor_w`` watts by phase."""
-    return Rates("ha", lambda scores: scores["ha_per_h"], _tool_j, motor_w, "crop_loss_percent")
+def weeding_rates(motor_w: Mapping[str, float], demanded: float) -> Rates:
+    """How scorecards of a weeder are read whose motors take ``motor_w`` watts by phase and that owes a share."""
+    return Rates("ha", lambda scores: scores["ha_per_h"], _tool_j, motor_w, "crop_loss_percent", demanded)
 
 
 def _tool_j(scores: Scores) -> float:

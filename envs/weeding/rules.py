@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -116,7 +117,8 @@ def apply_worlds(
             if worlds.surface.shape[1] > 0:
                 share = deeper(tables, worlds, w, plan.speed[w], phases_s[w], kind, along, across)
             killed, crops = treat(tables, work, worlds, w, kind, plan.track[w], along, across, share)
-            rewards[w, R.killed] = killed * tables.weights[R.killed]
+            counted = counted_kills(tables, worlds.weeds[w], totals[T.killed], killed)
+            rewards[w, R.killed] = counted * tables.weights[R.killed]
             rewards[w, R.crop] = crops * tables.weights[R.crop]
             rewards[w, R.energy] = tables.energy_j[kind] * tables.weights[R.energy]
             worlds.slot_track[w, plan.slot[w]] = empty
@@ -135,6 +137,22 @@ def apply_worlds(
         terminated[w] = worlds.cart[w] >= tables.end_m or nothing_left
         truncated[w] = totals[T.time] >= tables.time_limit_s and not terminated[w]
     return StepResult(rewards, phases_s, terminated, truncated)
+
+
+@compiled
+def counted_kills(tables: Tables, weeds: float, total: float, killed: float) -> float:
+    """Kills of a decision that are worth something: where a share is demanded, those up to the first that meets it.
+
+    Args:
+        tables: see there.
+        weeds: of the strip.
+        total: weeds that have died so far, with this decision.
+        killed: of them, those of this decision.
+    """
+    if tables.demanded == 0.0:
+        return killed
+    enough = math.ceil(tables.demanded * weeds - 1e-9)
+    return min(total, enough) - min(total - killed, enough)
 
 
 @compiled

@@ -42,9 +42,11 @@ LASER_WEEDING_SPEED = TaskSpec(
         "constant-1": "fieldgym.agents.policies.weeding_horizon:constant_1",
         "constant-1.5": "fieldgym.agents.policies.weeding_horizon:constant_15",
         "hold-backlog": "fieldgym.agents.policies.weeding_horizon:hold_backlog",
+        "hold-backlog-0.65": "fieldgym.agents.policies.weeding_horizon:hold_backlog_065",
         "learned": "fieldgym.agents.registry:make_learned",
     },
     reference="constant-1",
+    demands={"demand-0.90": "perfect", "demand-0.60": "model"},
     bound="fieldgym.bounds.weeding:instance_of",
     learning="fieldgym.agents.learning:settings/LaserWeedingSpeed-v0.yaml",
 )

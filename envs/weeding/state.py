@@ -125,6 +125,7 @@ class Tables(NamedTuple):
         gate_m: how far from where it looks it finds a plant.
         depths_m: (M,), how deep the tool works in the ground, by mode.
         shape: of frame and tool on ground that is not level.
+        demanded: share of the weeds beyond which kills are worth nothing, 0 where all count.
     """
 
     work_s: Array
@@ -149,6 +150,7 @@ class Tables(NamedTuple):
     gate_m: float
     depths_m: Array
     shape: Shape
+    demanded: float
 
 
 class Worlds(NamedTuple):
@@ -256,6 +258,7 @@ def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: flo
         gate_m=TOOL_GATE_M,
         depths_m=np.array(config.depths_m, float),
         shape=shape_of(config),
+        demanded=float(scenario.demanded),
     )
 
 

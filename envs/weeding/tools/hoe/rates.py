@@ -39,4 +39,4 @@ def rates_of(config: HoeWeedingConfig) -> Rates:
     still = np.zeros_like(start)
     down = power_w(np.column_stack([start, high]), np.column_stack([still, low - high]), down_s)
     up = power_w(np.column_stack([start, low]), np.column_stack([still, high - low]), down_s)
-    return weeding_rates({"move": moving, "plunge": down, "lift": up})
+    return weeding_rates({"move": moving, "plunge": down, "lift": up}, config.scenario.demanded)

@@ -9,7 +9,7 @@ from ....assembly import Assembly
 from ....references import later
 from ....single import TaskEnv
 from ....vector import TaskVectorEnv
-from ...config import SCENARIOS
+from ...config import DEMANDS, SCENARIOS
 from ...core import WeederOutcome, WeedingCore
 from ...perception import PerceptionModel
 from ...state import WeederPlan
@@ -115,11 +115,14 @@ class LaserWeedingSpeedEnv(LaserWeedingEnv):
     within 0.03 ... 0.27 m/s; the cart takes 0.3 m/s2. The strip begins at the scenario's constant speed. A change of
     speed may carry a follow beyond the range that the mask has checked by up to the platform's reserve.
 
+    **Demands**: ``"demand-0.90"`` and ``"demand-0.60"`` are as fast as you like down to a demanded share of the weeds:
+    kills beyond it are worth nothing, every second costs.
+
     Everything else is as there; the strip takes as long as the cart needs, at most ``time_factor`` times the driving
     time at the scenario's speed.
     """
 
-    assembly = replace(LASER, fixed={"speed_control": True})
+    assembly = replace(LASER, scenarios={**SCENARIOS, **DEMANDS}, fixed={"speed_control": True})
 
 
 class LaserWeedingVectorEnv(TaskVectorEnv[WeederPlan, WeederOutcome]):

@@ -20,4 +20,4 @@ def rates_of(config: WeedingConfig) -> Rates:
     time_s = np.maximum((lengths * pace).max(axis=1), np.sqrt((lengths * square).max(axis=1)))
     friction = (0.0, *[machine.leg_friction_n] * 4)
     power_w = motor_power_w(weeder_dynamics(machine), *paths(reach, start, stroke), time_s, friction)
-    return weeding_rates({"move": power_w})
+    return weeding_rates({"move": power_w}, config.scenario.demanded)
