@@ -23,10 +23,12 @@ def played(seed: int, **settings: Any) -> tuple[dict[str, float], dict[str, floa
     env: Any = gym.make(SPEED, backend="analytic", perception="perfect", **settings)
     observation, _ = begin(env, seed)
     terms: dict[str, float] = {}
+    info: dict[str, Any] = {}
     for decision in decisions(env, make_policy("hold-backlog-0.65", env, seed=0), observation):
-        for name, value in decision.info["rewards"].items():
+        info = decision.info
+        for name, value in info["rewards"].items():
             terms[name] = terms.get(name, 0.0) + float(value)
-    return terms, dict(decision.info["scorecard"]), env.unwrapped.core
+    return terms, dict(info["scorecard"]), env.unwrapped.core
 
 
 def test_kills_beyond_the_demand_are_worth_nothing():
