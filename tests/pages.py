@@ -3,7 +3,8 @@
 A page's blocks run one after another in one process: Python ones share their names, ``fieldgym`` commands run in the same
 folder, so that one reads what another wrote. A comment before a block says what else there is to it:
 
-- ``<!-- test: is first.py -->``: the block is a file of that name, there before anything runs;
+- ``<!-- test: is first.py -->``: the block is a file of that name, there before anything runs; so is one after a
+  sentence that ends with such a name;
 - ``<!-- test: A -> B; C -> D -->``: what runs has B in place of A, to be short;
 - ``<!-- test: needs torch -->``: the block stays out where that module is not installed, which is told;
 - ``<!-- test: file NAME``, lines, ``-->``: a file that the page speaks of and does not show.
@@ -21,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 SHORTER = (
     (r"--episodes \d+", "--episodes 2"),
-    (r"--steps \d+", "--steps 256"),
+    (r"--steps \d+", "--steps 64"),
     (r"--seconds \d+", "--seconds 2"),
     (r"/tmp/results", "results/elsewhere"),
     (r"reproduce( all)?$", "reproduce transplanting --jobs 1"),
@@ -32,11 +33,11 @@ MORE = {
     "collect": {"--episodes": "2"},
     "evaluate": {"--episodes": "2"},
     "run": {"--backend": "analytic"},
-    "train": {"--steps": "256", "--config": "small.yaml"},
+    "train": {"--steps": "64", "--config": "small.yaml"},
     "view": {"--port": "0"},
 }
 """Options that a command gets where the page gives none of that name."""
-SMALL = "defaults: {num_envs: 8, n_steps: 16, batch_size: 64, evaluation_episodes: 2, teacher_decisions: 256}\n"
+SMALL = "defaults: {num_envs: 2, n_steps: 32, batch_size: 32, evaluation_episodes: 2, teacher_decisions: 300}\n"
 """Settings of a training that is over in seconds."""
 NOT_RUN = {
     "pip install": "installs into the environment that the tests run in; test_packaging builds and installs the wheel",
@@ -64,7 +65,8 @@ class Block(NamedTuple):
     @property
     def name(self) -> str:
         """Name of the file that it is, empty if it is none."""
-        return self.mark.removeprefix("is ").strip() if self.mark.startswith("is ") else ""
+        found = re.match(r"is (\S+)", self.mark)
+        return found[1] if found else ""
 
     @property
     def needs(self) -> str:
@@ -85,8 +87,12 @@ class Block(NamedTuple):
     @property
     def commands(self) -> list[str]:
         """Lines of a shell, without comments; lines that go on are one."""
-        lines = self.body.replace("\\\n", " ").splitlines()
-        return [" ".join(re.sub(r"(^|\s)#.*", "", line).split()) for line in lines if re.sub(r"(^|\s)#.*", "", line).strip()]
+        lines = re.sub(
+            r"\\\n|^\.venv/bin/", lambda found: " " * (found[0] == "\\\n"), self.body, flags=re.M
+        ).splitlines()
+        return [
+            " ".join(re.sub(r"(^|\s)#.*", "", line).split()) for line in lines if re.sub(r"(^|\s)#.*", "", line).strip()
+        ]
 
 
 _BLOCK = re.compile(
@@ -102,7 +108,9 @@ def blocks_of(text: str) -> list[Block]:
         if block["language"].startswith("{"):
             continue
         body = re.sub(rf"^{block['indent']}", "", block["body"], flags=re.M)
-        found.append(Block(block["language"].strip(), body, block["mark"] or "", text[: block.start()].count("\n") + 1))
+        before = re.search(r"`([\w.-]+\.\w+)`:?\s*\Z", text[: block.start()])
+        mark = block["mark"] or (f"is {before[1]}" if before else "")
+        found.append(Block(block["language"].strip(), body, mark, text[: block.start()].count("\n") + 1))
     return found
 
 

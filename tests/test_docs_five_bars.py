@@ -36,6 +36,7 @@ def test_examples_print_what_they_say(page):
     ("module", "folder", "names"),
     [
         ("five_bars", "mechanisms", ("five-bar.svg", "translational-five-bar.svg")),
+        ("flow", ".", ("decision-flow.svg",)),
         ("motion", ".", ("motion-laws.svg", "motion-gates.svg")),
         ("three_prrs", "mechanisms", ("three-prrs.svg",)),
         ("three_ups_rpu", "mechanisms", ("three-ups-rpu.svg",)),
