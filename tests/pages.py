@@ -1,7 +1,7 @@
 """Play the code of a page as a reader would: ``python tests/pages.py PAGE`` in an empty folder; see ``test_pages.py``.
 
-A page's blocks run one after another in one process: Python ones share their names, ``fieldgym`` commands run in the same
-folder, so that one reads what another wrote. A comment before a block says what else there is to it:
+A page's blocks run one after another in one process: Python ones share their names, ``fieldgym`` commands run in the
+same folder, so that one reads what another wrote. A comment before a block says what else there is to it:
 
 - ``<!-- test: is first.py -->``: the block is a file of that name, there before anything runs; so is one after a
   sentence that ends with such a name;
@@ -87,16 +87,13 @@ class Block(NamedTuple):
     @property
     def commands(self) -> list[str]:
         """Lines of a shell, without comments; lines that go on are one."""
-        lines = re.sub(
-            r"\\\n|^\.venv/bin/", lambda found: " " * (found[0] == "\\\n"), self.body, flags=re.M
-        ).splitlines()
-        return [
-            " ".join(re.sub(r"(^|\s)#.*", "", line).split()) for line in lines if re.sub(r"(^|\s)#.*", "", line).strip()
-        ]
+        lines = [re.sub(r"(^|\s)#.*", "", line) for line in self.body.replace("\\\n", " ").splitlines()]
+        return [" ".join(line.split()).removeprefix(".venv/bin/") for line in lines if line.strip()]
 
 
 _BLOCK = re.compile(
-    r"(?:^[ ]*<!-- test: (?P<mark>[^\n]*?) -->\n+)?^(?P<indent>[ ]*)```(?P<language>[^\n`]*)\n(?P<body>.*?)^(?P=indent)```$",
+    r"(?:^[ ]*<!-- test: (?P<mark>[^\n]*?) -->\n+)?"
+    r"^(?P<indent>[ ]*)```(?P<language>[^\n`]*)\n(?P<body>.*?)^(?P=indent)```$",
     re.M | re.S,
 )
 
@@ -163,7 +160,7 @@ def play(page: Path) -> None:
     if importlib.util.find_spec("viser") is not None:
         from fieldgym.viewer import show
 
-        show.Viewer.run = lambda self: None  # it would serve until somebody stops it
+        show.Viewer.run = lambda self, until=None: None  # it would serve until somebody stops it
     names: dict[str, object] = {"__name__": "page"}
     for block in blocks_of(text):
         where = f"{page.name}, line {block.line}"

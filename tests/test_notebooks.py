@@ -1,4 +1,4 @@
-"""The notebooks are stored without outputs and run from top to bottom; cells with other settings for tests say which."""
+"""The notebooks are stored without outputs and run from top to bottom; some cells have other settings for tests."""
 
 import importlib.util
 import json

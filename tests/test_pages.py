@@ -1,4 +1,4 @@
-"""Every code block of every page runs, in a folder of its own; what does not is listed in ``pages.NOT_RUN`` with why."""
+"""Every code block of every page runs, in a folder of its own; ``pages.NOT_RUN`` lists what does not, and why."""
 
 import importlib
 import os
