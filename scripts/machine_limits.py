@@ -5,8 +5,8 @@
 
 The first form prints, for every machine, cycle time and net rate of the task's reference policy with all motor limits
 and the tool's mass times a factor; a cell that is not played says which motor refuses. With ``--physics N`` the first N
-seeds are played in PyBullet too. The second form makes environments with random limits, masses and friction and plays a
-few decisions in each that is not refused.
+seeds are played in PyBullet too. The second form makes environments with random limits, masses and friction, a third
+of them with drives that err, and plays a few decisions in each that is not refused.
 """
 
 from __future__ import annotations
@@ -31,6 +31,21 @@ LIMITS = (0.2, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
 MASSES = (1.0, 1.5, 2.0, 3.0)
 DECISIONS = 6
 """Decisions that are played with random numbers."""
+ERRORS = {
+    "linear.encoder_m": 0.002,
+    "linear.backlash_m": 0.002,
+    "linear.stiction_m": 0.001,
+    "rotary.encoder_rad": 0.005,
+    "rotary.backlash_rad": 0.01,
+    "rotary.stiction_rad": 0.003,
+    "lag_s": 0.05,
+}
+"""Largest errors of drives that are tried."""
+
+
+def seldom(generator: np.random.Generator) -> bool:
+    """True one time in three."""
+    return bool(generator.random() < 1.0 / 3.0)
 
 
 class Machine(NamedTuple):
@@ -61,7 +76,11 @@ class Machine(NamedTuple):
         numbers = {**self.limits, **dict([self.tool]), **self.more}
         chosen = {name: value * 10.0 ** generator.uniform(-1.0, 1.0) for name, value in numbers.items()}
         chosen |= {name: value * generator.random() for name, value in self.friction.items()}
-        return {self.prefix + name: float(value) for name, value in chosen.items() if generator.random() < 0.5}
+        found = {self.prefix + name: float(value) for name, value in chosen.items() if generator.random() < 0.5}
+        errors = {name: float(value * generator.random()) for name, value in ERRORS.items()}
+        return found | (
+            {f"scenario.drives.{name}": value for name, value in errors.items()} if seldom(generator) else {}
+        )
 
 
 _PRRS = {"slider_mass_kg": 1.6, "yoke_mass_kg": 0.25, "rotor_inertia_kg_m2": 0.004, "link_mass_kg": 0.20}
