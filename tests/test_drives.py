@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from fieldgym import bounds
 from fieldgym.envs import env_ids, task
 from fieldgym.envs.drives import DriveErrors, DriveLuck, LinearDrive, RotaryDrive, Servos, draw_luck
 from fieldgym.envs.field import FieldError
@@ -315,3 +316,16 @@ def test_what_a_task_without_errors_shows_is_made_by_one_kernel():
 def test_a_field_scenario_says_where_its_numbers_come_from(env_id):
     drives = task(env_id).assembly.scenarios["field"].drives
     assert Servos.of(drives, 1, 1).on and drives.lag_s > 0.0
+
+
+def test_the_bound_of_a_machine_that_errs_lets_it_work_anywhere():
+    """As where a camera may have reported anything."""
+    found = [
+        replace(bounds.instance("fieldgym/SafflowerPicking-v0", 3, **kwargs).bound(), wall_s=0.0)
+        for kwargs in (
+            {"scenario": "field", "perception": "model"},
+            {"scenario": "row-dense", "perception": "camera"},
+            {"scenario": "row-dense", "perception": "model"},
+        )
+    ]
+    assert found[0] == found[1] != found[2]
