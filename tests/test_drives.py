@@ -17,25 +17,13 @@ from fieldgym.envs.safflower.process import Shears, cut_share
 from fieldgym.testing import check_batch
 
 TASKS = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
-PLAIN = {
-    "SafflowerPicking": "row-dense",
-    "TrayTransplanting": "replug-high",
-    "ProduceSorting": "clumped-1.25",
-    "LaserWeeding": "load-1.25",
-    "LaserWeedingSpeed": "load-1.25",
-    "HoeWeeding": "load-1.25",
-}
-"""By task, the scenario that ``field`` has everything of but the errors."""
+NONE = {"scenario.drives": DriveErrors()}
 ERRORS = DriveErrors(LinearDrive(3e-4, 2e-4, 1e-4), RotaryDrive(1e-3, 8e-4, 2e-4))
 
 
 def made(env_id: str, backend: str = "analytic", **kwargs: Any) -> Any:
     kwargs = {"scenario": "field", "perception": "model", **kwargs}
     return gym.make(env_id, backend=backend, disable_env_checker=True, **kwargs).unwrapped
-
-
-def plain(env_id: str) -> str:
-    return PLAIN[env_id.split("/")[1].split("-v")[0]]
 
 
 def works(env: Any, seed: int = 3) -> Any:
@@ -184,15 +172,14 @@ def test_the_tool_is_where_the_kinematics_puts_joints_that_are_off(name):
 
 @pytest.mark.parametrize("env_id", TASKS)
 def test_a_field_with_errors_is_the_same_field_and_without_them_there_are_none(env_id):
-    erring = made(env_id)
-    ground = getattr(erring.core.config.scenario, "ground", None)
-    other = made(env_id, scenario=plain(env_id), overrides={} if ground is None else {"scenario.ground": ground})
+    erring, other = made(env_id), made(env_id, overrides=NONE)
     for seed in (0, 7):
         fields = [env.reset(seed=seed) and env.field for env in (erring, other)]
         assert fields[1].drives is None and len(fields[0].drives) == erring.core.joints > 0
         assert replace(fields[0], drives=None) == fields[1]
     assert not other.core.errs and other.core.joints == 0
-    assert replace(erring.core.config.scenario, drives=DriveErrors()) == other.core.config.scenario
+    named = task(env_id).assembly.scenarios
+    assert all(scenario.drives == DriveErrors() for name, scenario in named.items() if name != "field")
 
 
 @pytest.mark.parametrize("env_id", TASKS)
