@@ -43,6 +43,15 @@ def _lit(base, light, shine, channel):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _depths(inverse, far, depth):  # type: ignore[no-untyped-def]
+    """Depths of a line (w,), ``far`` where nothing is: without a branch, eight pixels at a time."""
+    one = np.float32(1.0)
+    for x in range(len(depth)):
+        near = one / inverse[x]
+        depth[x] = near if inverse[x] > 0 else far
+
+
+@compiled
 def resolve(
     things: Instances,
     layers: Layers,
@@ -59,14 +68,14 @@ def resolve(
     """
     inverse, slots, owner, shading = layers.inverse, layers.slot, layers.owner, layers.light
     height, width = inverse.shape
-    one, told = np.float32(1.0), identity.size > 0
+    told = identity.size > 0
     for y in range(height):
+        _depths(inverse[y], np.float32(far_m), depth[y])
         last, flat, who = -2, False, -1
         red, green, blue = np.uint8(0), np.uint8(0), np.uint8(0)
         for x in range(width):
             slot = slots[y, x]
             if slot < 0:
-                depth[y, x] = far_m
                 if told:
                     identity[y, x] = -1
                 rgb[y, x, 0], rgb[y, x, 1], rgb[y, x, 2] = empty[0], empty[1], empty[2]
@@ -79,7 +88,6 @@ def resolve(
                 blue = np.uint8(_lit(things.colour[i, 2], light, shine, 2))
                 who, last = things.identity[i], slot
                 flat = shading[slot, 1] == 0.0 and shading[slot, 2] == 0.0
-            depth[y, x] = one / inverse[y, x]
             if told:
                 identity[y, x] = who
             rgb[y, x, 0], rgb[y, x, 1], rgb[y, x, 2] = red, green, blue
@@ -99,33 +107,42 @@ def resolve_ground(
     """``resolve`` with the ground painted wherever nothing stands above it, in the shade, with noise."""
     inverse, slots, owner, shading = layers.inverse, layers.slot, layers.owner, layers.light
     height, width = inverse.shape
-    one, nothing, white, shade = np.float32(1.0), np.float32(0.0), np.float32(255.0), np.float32(ground.shade)
-    told = identity.size > 0
-    across, down, level = ground.fall[1], ground.fall[2], np.float32(ground.height_m)
-    soil_r, soil_g, soil_b = (
-        np.float32(ground.colour[0]),
-        np.float32(ground.colour[1]),
-        np.float32(ground.colour[2]),
-    )
-    sigma, line = np.float32(ground.noise), np.empty(width, np.float32)
-    seen, whole = np.empty((3, width), np.float32), np.empty((3, width), np.int32)
+    nothing, white, sigma = np.float32(0.0), np.float32(255.0), np.float32(ground.noise)
+    told, far, level = identity.size > 0, np.float32(far_m), np.float32(ground.height_m)
+    corner, across, down = ground.fall[0], ground.fall[1], ground.fall[2]
+    line, bare = np.empty(width, np.float32), np.empty(width, np.bool_)
+    soil, seen, noise = np.empty((3, 3 * width), np.float32)
+    shade = np.ones(width, np.float32)
+    shade[: max(ground.shaded, 0)] = np.float32(ground.shade)
+    slope = np.empty(width, np.float32)
+    for x in range(width):
+        slope[x] = corner + across * np.float32(x)
+        for c in range(3):
+            soil[3 * x + c] = np.float32(ground.colour[c]) * shade[x]
     for y in range(height):
         normals(ground.state, line)
+        # Loops without a branch, eight pixels at a time.
+        _depths(inverse[y], far, depth[y])
+        begin, covered = down * np.float32(y), 0
+        for x in range(width):
+            bare[x] = depth[y, x] * (slope[x] + begin) >= level
+        for x in range(width):
+            covered += not bare[x]
+        for k in range(3 * width):
+            seen[k] = soil[k]
+        if told:
+            for x in range(width):
+                identity[y, x] = -1
         last, flat, who = -2, False, -1
         red, green, blue = nothing, nothing, nothing
-        begin = down * np.float32(y)
-        for x in range(width):
-            slot = slots[y, x]
-            far = np.float32(far_m) if slot < 0 else one / inverse[y, x]
-            depth[y, x] = far
-            fall = ground.fall[0] + across * np.float32(x) + begin
-            shown = -1
-            if far * fall >= level:
-                r, g, b = soil_r, soil_g, soil_b
-            elif slot < 0:
-                r, g, b = white, white, white
-            else:
-                if slot != last or not flat:
+        if covered:
+            for x in range(width):
+                if bare[x]:
+                    continue
+                slot = slots[y, x]
+                if slot < 0:
+                    red, green, blue, who, last = white, white, white, -1, -2
+                elif slot != last or not flat:
                     i = owner[slot]
                     shine = max(0.0, shading[slot, 0] + shading[slot, 1] * x + shading[slot, 2] * y) * light.diffuse
                     red = np.float32(np.uint8(_lit(things.colour[i, 0], light, shine, 0)))
@@ -133,24 +150,15 @@ def resolve_ground(
                     blue = np.float32(np.uint8(_lit(things.colour[i, 2], light, shine, 2)))
                     who, last = things.identity[i], slot
                     flat = shading[slot, 1] == 0.0 and shading[slot, 2] == 0.0
-                r, g, b = red, green, blue
-                shown = who
-            if told:
-                identity[y, x] = shown
-            seen[0, x], seen[1, x], seen[2, x] = r, g, b
-        # Loops without a branch, eight pixels at a time.
+                if told:
+                    identity[y, x] = who
+                seen[3 * x], seen[3 * x + 1], seen[3 * x + 2] = red * shade[x], green * shade[x], blue * shade[x]
         for x in range(width):
-            line[x] *= sigma
-        for c in range(3):
-            channel, byte = seen[c], whole[c]
-            for x in range(min(ground.shaded, width)):
-                channel[x] *= shade
-            for x in range(width):
-                byte[x] = np.int32(min(max(np.rint(channel[x] + line[x]), nothing), white))
-        for x in range(width):
-            rgb[y, x, 0] = np.uint8(whole[0, x])
-            rgb[y, x, 1] = np.uint8(whole[1, x])
-            rgb[y, x, 2] = np.uint8(whole[2, x])
+            value = line[x] * sigma
+            noise[3 * x], noise[3 * x + 1], noise[3 * x + 2] = value, value, value
+        shown = rgb[y].reshape(3 * width)
+        for k in range(3 * width):
+            shown[k] = np.uint8(np.int32(min(max(np.rint(seen[k] + noise[k]), nothing), white)))
 
 
 @compiled
