@@ -50,7 +50,7 @@ NOT_RUN = {
     "rllib/bin/": "likewise",
 }
 """Commands that no test runs, and why."""
-SHOWN = {"text", "toml", "yaml", "csv", "json"}
+SHOWN = {"text", "toml", "yaml", "json"}
 """Languages of blocks that are read, not run; one that is a file says so."""
 
 
