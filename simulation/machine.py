@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -12,10 +12,10 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .assembly import Assembly
 from .assets import asset_path
 from .client import PhysicsClient
-from .closed_loop import Array, Body, ClosedLoopMachine, Closure, Motor
-from .urdf import Robot
+from .closed_loop import Array, Body, ClosedLoopMachine
 
 MachineT = TypeVar("MachineT", bound="LoopMachine")
 
@@ -61,14 +61,12 @@ class LoopMachine:
         """Make ``_machine`` and put it where it begins."""
         raise NotImplementedError
 
-    def _build_tree(
-        self, asset: str, robot: Callable[[Any], Robot], closures: Sequence[Closure], motors: Sequence[Motor]
-    ) -> None:
+    def _build_tree(self, asset: str, assembly: Assembly) -> None:
         """Make ``_machine`` of one tree: of the shipped URDF where its numbers are the shipped ones."""
         shipped = asset if self.parameters == self.numbers() else None
-        with urdf_file(shipped, lambda: robot(self.parameters).to_xml()) as path:
-            body = Body(Path(asset).stem, path)
-            self._machine = ClosedLoopMachine(self.client, [body], closures, motors)
+        (part,) = assembly.parts
+        with urdf_file(shipped, part.robot.to_xml) as path:
+            self._machine = ClosedLoopMachine(self.client, [Body(part.name, path)], assembly.closures, assembly.motors)
 
     def _follow(
         self,

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
 from ..motion import StoppedPath
-from .closed_loop import Closure, Motor
+from .assembly import picker_assembly
 from .machine import LoopMachine
 from .motion_result import Maxima, MotionResult
-from .picker_model import JOINTS, PICKER_ASSET, PickerParameters, picker_joints, picker_robot
+from .picker_model import JOINTS, PICKER_ASSET, PickerParameters, picker_joints
 
 Array = NDArray[np.float64]
 
@@ -58,14 +58,7 @@ class PickerMachine(LoopMachine):
     def _build(self) -> None:
         """With the cart at x = 0 and the arms hanging straight down."""
         bar = self.parameters.five_bar
-        wrists = ((0.0, -bar.half_platform_m, bar.tool_drop_m), (0.0, bar.half_platform_m, bar.tool_drop_m))
-        closures = [
-            Closure(f"forearm{leg + 1}", (0.0, bar.forearm_m[leg], 0.0), "platform", wrists[leg]) for leg in (0, 1)
-        ]
-        p = self.parameters
-        torque, thrust = p.arm_torque_limit_n_m - p.arm_friction_n_m, p.cart_force_limit_n - p.cart_friction_n
-        motors = [Motor("cart", thrust), *(Motor(arm, torque, p.arm_damping_n_m_s) for arm in MOTORS[1:])]
-        self._build_tree(PICKER_ASSET, picker_robot, closures, motors)
+        self._build_tree(PICKER_ASSET, picker_assembly(self.parameters))
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, bar.forward([-0.5 * np.pi, -0.5 * np.pi]))
 

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
 from ..mechanisms.errors import UnreachablePoseError
-from ..mechanisms.prrs_legs import LEG_ANGLES_RAD
 from ..motion.orientation import angle_between, from_euler
+from .assembly import prrs_assembly
 from .assets import asset_path
 from .client import pybullet
-from .closed_loop import Body, ClosedLoopMachine, Closure, Motor
+from .closed_loop import Body, ClosedLoopMachine
 from .machine import START_TOLERANCE_M, LoopMachine, LostMachineError
 from .motion_result import Maxima, MotionResult
 from .prrs_model import PrrsParameters
@@ -60,23 +60,15 @@ class PrrsMachine(LoopMachine):
     def _build(self) -> None:
         """In its home pose."""
         mechanism = self.parameters.mechanism
-        base = (0.0, 0.0, self.parameters.origin_height_m)
-        self._origin = np.array(base)
-        radius = mechanism.platform_radius_m
-        bodies, closures = [], []
+        self._origin = np.array((0.0, 0.0, self.parameters.origin_height_m))
+        assembly = prrs_assembly(self.parameters)
         with _urdf_files(self.parameters) as paths:
-            for leg, angle in enumerate(LEG_ANGLES_RAD.tolist(), 1):
-                turn = (0.0, 0.0, float(np.sin(0.5 * angle)), float(np.cos(0.5 * angle)))
-                bodies.append(Body(f"leg{leg}", paths[f"leg{leg}"], base, turn))
-                joint = (radius * float(np.cos(angle)), radius * float(np.sin(angle)), 0.0)
-                closures.append(Closure(f"link{leg}", (0.0, 0.0, -mechanism.link_m), "platform", joint))
-            bodies.append(Body("platform", paths["platform"], base, fixed_base=False))
+            bodies = [
+                Body(part.name, paths[part.name], part.position_m, part.quaternion, part.fixed)
+                for part in assembly.parts
+            ]
             bodies += self._fixtures(paths)
-            p = self.parameters
-            slider = p.slider_force_limit_n - p.slider_friction_n, p.slider_damping_n_s_m
-            drive = p.swing_torque_limit_n_m - p.swing_friction_n_m, p.swing_damping_n_m_s
-            motors = [Motor(name, *(slider if name.startswith("slider") else drive)) for name in MOTORS]
-            self._machine = ClosedLoopMachine(self.client, bodies, closures, motors)
+            self._machine = ClosedLoopMachine(self.client, bodies, assembly.closures, assembly.motors)
         names = MOTORS + SWINGS
         self._order = [names.index(name) for name in self._machine.joints]
         body = self.platform_id

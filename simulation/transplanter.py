@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
 from ..motion import Gate
+from .assembly import transplanter_assembly
 from .client import pybullet
-from .closed_loop import Closure, Motor
 from .machine import LoopMachine
 from .motion_result import MotionResult
 from .transplanter_model import (
@@ -20,7 +20,6 @@ from .transplanter_model import (
     PHYSICS_ASSET,
     TransplanterParameters,
     transplanter_joints,
-    transplanter_robot,
 )
 
 Array = NDArray[np.float64]
@@ -63,12 +62,7 @@ class TransplanterMachine(LoopMachine):
     def _build(self) -> None:
         """With the tool in the middle of its window's lower edge."""
         p = self.parameters
-        closures = [
-            Closure(f"forearm{leg}", (0.0, p.arm.forearm_m, 0.0), "platform", (0.0, side * p.half_platform_m, 0.0))
-            for leg, side in ((1, 1.0), (2, -1.0))
-        ]
-        motors = [Motor(name, p.torque_limit_n_m - p.friction_n_m, p.damping_n_m_s) for name in MOTORS]
-        self._build_tree(PHYSICS_ASSET, transplanter_robot, closures, motors)
+        self._build_tree(PHYSICS_ASSET, transplanter_assembly(p))
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self._payload_kg = 0.0
         joints = range(pybullet.getNumJoints(self.body_id, physicsClientId=self.client.id))

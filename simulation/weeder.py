@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanisms.batching import as_points
+from .assembly import weeder_assembly
 from .client import pybullet
-from .closed_loop import Closure, Motor
 from .machine import LoopMachine
 from .motion_result import Maxima, MotionResult
-from .weeder_model import JOINTS, WEEDER_ASSET, WeederParameters, weeder_joints, weeder_robot
+from .weeder_model import JOINTS, WEEDER_ASSET, WeederParameters, weeder_joints
 
 Array = NDArray[np.float64]
 
@@ -52,12 +52,7 @@ class WeederMachine(LoopMachine):
     def _build(self) -> None:
         """With the cart at x = 0 and the platform at home."""
         mechanism = self.parameters.mechanism
-        tips = [tuple(float(v) for v in joint) for joint in mechanism.attachments.platform]
-        closures = [Closure(f"rod{leg}", (0.0, 0.0, 0.0), "platform", tips[leg - 1]) for leg in (1, 2, 3)]  # type: ignore[arg-type]
-        p = self.parameters
-        force, thrust = p.leg_force_limit_n - p.leg_friction_n, p.cart_force_limit_n - p.cart_friction_n
-        motors = [Motor("cart", thrust), *(Motor(name, force, p.leg_damping_n_s_m) for name in MOTORS[1:])]
-        self._build_tree(WEEDER_ASSET, weeder_robot, closures, motors)
+        self._build_tree(WEEDER_ASSET, weeder_assembly(self.parameters))
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self.reset(0.0, mechanism.home_pose)
 

@@ -18,7 +18,7 @@ FLOORS = (
     ("scripts",),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
-HEAVY = ("cv2", "imageio", "matplotlib", "ortools", "pybullet", "ray", "stable_baselines3", "torch", "viser")
+HEAVY = ("cv2", "imageio", "matplotlib", "mujoco", "ortools", "pybullet", "ray", "stable_baselines3", "torch", "viser")
 LONGEST = 400
 
 
