@@ -20,9 +20,9 @@ def to_mjcf(assembly: Assembly, step_s: float) -> str:
     """A machine's MJCF text.
 
     Every motor is a ``position`` actuator of its joint's name within its limit, critically damped for what its joint
-    moves in its own tree. With the control ``q* + kv / kp q'*`` it is a servo on q* with velocity feed-forward. Closures
-    are ``connect`` constraints between sites ``first0``, ``second0`` and so on. A free platform has a free joint of its
-    link's name. Shapes are drawn and do not collide.
+    moves in its own tree. With the control ``q* + kv / kp q'*`` it is a servo on q* with velocity feed-forward.
+    Closures are ``connect`` constraints between sites ``first0``, ``second0`` and so on. A free platform has a free
+    joint of its link's name. Shapes are drawn and do not collide.
 
     Args:
         assembly: the machine.

@@ -81,7 +81,7 @@ def check(found: compare_engines.Outcome) -> None:
     assert found.loop_m < 1e-5
     assert found.path_m < 5e-5 and found.engines_m < 5e-5
     assert found.cycle < 1e-3
-    assert found.effort < 0.10
+    assert found.effort < 0.05
 
 
 def test_one_motion_is_the_same_in_both_engines():
