@@ -1,9 +1,10 @@
-"""How fast the package is, in one run: first use, kinematics, decisions, pictures, tracking, each beside its target.
+"""How fast the package is, in one run, each figure beside its target, and where the time of steps goes.
 
     python scripts/speed.py [--quick] [--only SECTION] [--json FILE] [--peers] [--peers-python PYTHON]
 
 Every figure is the best of several repetitions in CPU time of the one thread that does the work (another process on the
-core costs repetitions, not figures), and what is compared is measured side by side in the same run.
+core costs repetitions, not figures), and what is compared is measured side by side in the same run. What threads bring
+is by the wall's clock and needs idle cores: the first line of its section says whether they are.
 """
 
 from __future__ import annotations
@@ -25,8 +26,10 @@ from fieldgym.scripts.speed_decisions import decisions
 from fieldgym.scripts.speed_first_use import first_use
 from fieldgym.scripts.speed_kinematics import kinematics
 from fieldgym.scripts.speed_lines import Line, as_table
+from fieldgym.scripts.speed_parts import profile, resets
 from fieldgym.scripts.speed_peers import peers
 from fieldgym.scripts.speed_pictures import looks, pictures
+from fieldgym.scripts.speed_threads import threads
 
 
 def tracking(_: bool) -> Iterator[Line]:
@@ -42,6 +45,9 @@ SECTIONS: dict[str, Callable[[bool], Iterator[Line]]] = {
     "first-use": first_use,
     "kinematics": kinematics,
     "decisions": decisions,
+    "resets": resets,
+    "threads": threads,
+    "profile": profile,
     "pictures": pictures,
     "looks": looks,
     "tracking": tracking,

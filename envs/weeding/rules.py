@@ -171,22 +171,19 @@ def treat(
 
     ``share`` is what the ground leaves of the dose, 1 where it is a plane.
     """
-    totals = worlds.totals[w]
-    killed = 0.0
+    totals, reach_m = worlds.totals[w], work.reach_m
+    plant, doses = worlds.plant[w], worlds.plant_dose[w]
+    limits, kinds = worlds.plant_tolerance[w], worlds.plant_kind[w]
     # Weeds are sorted along: from the nearest to the aim to both sides, as far as the tool reaches.
-    middle = PAD + worlds.track_near[w, track, N.weed]
-    i = middle
-    while along_m - worlds.plant[w, i, G.along] <= work.reach_m and i > 0:
-        killed += strike(work, worlds, w, mode, i, along_m, across_m, share)
-        i -= 1
-    i = middle + 1
-    while worlds.plant[w, i, G.along] - along_m <= work.reach_m and i < tables.weeds_end:
-        killed += strike(work, worlds, w, mode, i, along_m, across_m, share)
-        i += 1
-    crops = 0.0
-    nearest = tables.weeds_end + worlds.track_near[w, track, N.crop]
-    for i in range(nearest - 1, nearest + 2):
-        crops += strike(work, worlds, w, mode, i, along_m, across_m, share)
+    before = PAD + worlds.track_near[w, track, N.weed]
+    behind = before + 1
+    while before > 0 and along_m - plant[before, G.along] <= reach_m:
+        before -= 1
+    while behind < tables.weeds_end and plant[behind, G.along] - along_m <= reach_m:
+        behind += 1
+    killed = strike(work, plant, doses, limits, kinds, mode, before + 1, behind, along_m, across_m, share)
+    crop = tables.weeds_end + worlds.track_near[w, track, N.crop]
+    crops = strike(work, plant, doses, limits, kinds, mode, crop - 1, crop + 2, along_m, across_m, share)
     totals[T.killed] += killed
     totals[T.crop] += crops
     totals[T.shots] += 1.0
@@ -201,19 +198,28 @@ def treat(
 
 @compiled
 def strike(
-    work: Any, worlds: Worlds, w: int, mode: int, plant: int, along_m: float, across_m: float, share: float
+    work: Any,
+    plant: Array,
+    doses: Array,
+    limits: Array,
+    kinds: NDArray[np.int64],
+    mode: int,
+    first: int,
+    end: int,
+    along_m: float,
+    across_m: float,
+    share: float,
 ) -> float:
-    """Add the work's dose on one plant; gives 1 when it dies of it."""
-    along = worlds.plant[w, plant, G.along] - along_m
-    if abs(along) > work.reach_m:
-        return 0.0
-    across = worlds.plant[w, plant, G.across] - across_m
-    if abs(across) > work.reach_m:
-        return 0.0
-    before, limit = worlds.plant_dose[w, plant], worlds.plant_tolerance[w, plant]
-    after = before + share * dose(work, mode, along, across, worlds.plant_kind[w, plant])
-    worlds.plant_dose[w, plant] = after
-    return 1.0 if before < limit <= after else 0.0
+    """Add a share of the work's dose on the plants of a world from ``first`` to before ``end``; gives how many die."""
+    dead = 0.0
+    for i in range(first, end):
+        along, across = plant[i, G.along] - along_m, plant[i, G.across] - across_m
+        if abs(along) <= work.reach_m and abs(across) <= work.reach_m:
+            before = doses[i]
+            doses[i] = before + share * dose(work, mode, along, across, kinds[i])
+            if before < limits[i] <= doses[i]:
+                dead += 1.0
+    return dead
 
 
 @compiled
