@@ -103,7 +103,13 @@ def _row(cells: Iterable[str]) -> str:
 def _shown(cell: str) -> str:
     """A cell's text: what stands between backticks stays code."""
     parts = cell.split("`")
-    return "`".join(escaped(part) if i % 2 == 0 and part.strip() else part for i, part in enumerate(parts))
+    return "`".join(part if i % 2 else _outside(part) for i, part in enumerate(parts))
+
+
+def _outside(part: str) -> str:
+    """Text beside code, with the spaces at its ends."""
+    word = part.strip()
+    return part.replace(word, escaped(word)) if word else part
 
 
 def _digits(unit: str) -> int:

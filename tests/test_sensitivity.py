@@ -159,6 +159,7 @@ def test_the_page_holds_the_figures(found: tuple[Dossier, Study, Path]):
     high = result.effects[1].differences["net_rate"]
     ends = f"({100.0 * high.low:.2f} .. {100.0 * high.high:.2f})"
     assert f"|  |  | 5 | {100.0 * high.value:+.2f} {ends} |" in text
+    assert "; preset `slipping-belt` is the upper end." in text
     own = beside(chosen.yardsticks[0], result.base)
     assert f"| picks a minute | {own.value:.1f} (" in text
     tables = re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE)

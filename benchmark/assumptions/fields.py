@@ -34,6 +34,15 @@ FIELD = (
         "Kept: the hard end.",
     ),
 )
+PATCHES = Assumption(
+    "densest over thinnest along the row",
+    "1: no patches beyond clusters",
+    None,
+    End("20, every 3 m", {"scenario.patch_contrast": 20.0}),
+    "field papers find and map patches of metres (San Martin 2018, Marshall 1988); k 0.2-2",
+    "A/M",
+    "Corrected in the scenario `patchy`.",
+)
 STAGES = Assumption(
     "stages: cotyledon / two-leaf / four-leaf",
     ".40 / .45 / .15",
@@ -65,10 +74,10 @@ CROP_GAPS = Assumption(
     "crop plants that did not emerge",
     "none",
     None,
-    End("a quarter: mean distance 0.213 m", {"scenario.crop_pitch_m": 0.16 / 0.75}),
+    End("a quarter", {"scenario.crop_missing": 0.25}),
     "emergence of beet 70-80 % (crystalsugar 434)",
     "V",
-    "Kept: tested by as many fewer plants at an even distance; gaps proper are not drawn.",
+    "Corrected in the scenario `patchy`.",
 )
 RECALL = Assumption(
     "share of weeds that are seen, times the fitted one",

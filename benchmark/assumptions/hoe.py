@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .declared import Assumption, Dossier, End, Yardstick
 from .eyes import tracking, with_numbers
-from .fields import CROP_GAPS, DENSITY, FIELD, PITCH, RECALL, STAGES
+from .fields import CROP_GAPS, DENSITY, FIELD, PATCHES, PITCH, RECALL, STAGES
 
 _TOOL = (
     Assumption(
@@ -119,7 +119,7 @@ _TOOL = (
 
 HOE = Dossier(
     "fieldgym/HoeWeeding-v0",
-    (*_TOOL, *FIELD, STAGES, DENSITY, PITCH, CROP_GAPS, RECALL),
+    (*_TOOL, *FIELD, PATCHES, STAGES, DENSITY, PITCH, CROP_GAPS, RECALL),
     (
         Yardstick(
             "share of the weeds killed in one pass",

@@ -49,6 +49,12 @@ class ScenarioConfig(Config):
     """``"beet"`` (a rosette) or ``"maize"`` (an upright grass): looks only."""
     crop_pitch_m: float = num(0.16, 0.01, 5.0, "m")
     """Distance of the crop plants in a row [assumed]."""
+    crop_missing: float = num(0.0, 0.0, 0.95, "")
+    """Share of the crop plants that did not emerge [assumed; published for beet: 0.20-0.30, crystalsugar 434]."""
+    patch_contrast: float = num(1.0, 1.0, 1000.0, "")
+    """Weeds where they are densest along the row over those where they are thinnest; 1 grows no patches [assumed]."""
+    patch_m: float = num(3.0, 0.1, 100.0, "m")
+    """From patch to patch [assumed]."""
     crop_jitter_m: tuple[float, float] = num((0.015, 0.008), 0.0, 0.5, "m")
     """Standard deviation of their places along and across the row [published range 10-20 mm along; assumed across]."""
     grass_share: float = num(0.30, 0.0, 1.0, "")
@@ -99,12 +105,14 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "load-1.0-even": ScenarioConfig(40.0, 1.0, clumped=0.0),
     "load-1.6-even": ScenarioConfig(40.0, 1.6, clumped=0.0),
     "dense": ScenarioConfig(100.0, 1.0, strip_m=1.6),
+    "patchy": ScenarioConfig(40.0, 1.25, crop_missing=0.25, patch_contrast=20.0),
     "field": ScenarioConfig(40.0, 1.25, drives=WORN, ground=TILLED),
 }
 """Tiers by offered load at 40 weeds per m2 (an ordinary infestation), clumped unless they say ``even``; ``dense`` has
-100 per m2 on a shorter strip, driven as slowly as its load of 1.0 asks. ``field`` is ``load-1.25`` with a machine that
-has worked for a season, on ground that is no plane: nobody exchanges screws and calibrates encoders before every field.
-"""
+100 per m2 on a shorter strip, driven as slowly as its load of 1.0 asks. ``patchy`` is ``load-1.25`` where a quarter of
+the crop did not emerge and weeds stand in patches of metres, as field papers map them, at the same density. ``field``
+is ``load-1.25`` with a machine that has worked for a season, on ground that is no plane: nobody exchanges screws and
+calibrates encoders before every field."""
 
 DEMANDS: dict[str, ScenarioConfig] = {
     "demand-0.90": ScenarioConfig(40.0, 1.25, demanded=0.90),

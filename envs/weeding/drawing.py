@@ -20,6 +20,8 @@ from .batch import Plants
 from .config import ScenarioConfig
 from .timing import G
 
+_CELLS = 128
+"""Of the area along the row, within each of which patches are even."""
 _MARGIN_M = 0.15
 """Clusters are centred up to three cluster sigmas outside the strip."""
 _MOST_SIGMAS = 3.0
@@ -49,6 +51,9 @@ class Strip(NamedTuple):
         drawn: weeds that are drawn on the area.
         weeds: most weeds of the strip.
         crops: crop plants.
+        missing: share of them that did not emerge.
+        contrast: of the patches, 1 without any.
+        patch_m: from patch to patch.
     """
 
     parents: Array
@@ -66,6 +71,9 @@ class Strip(NamedTuple):
     drawn: int
     weeds: int
     crops: int
+    missing: float
+    contrast: float
+    patch_m: float
 
     @classmethod
     def of(cls, scenario: ScenarioConfig) -> Strip:
@@ -96,6 +104,9 @@ class Strip(NamedTuple):
             drawn=max(drawn, scenario.max_weeds),
             weeds=int(scenario.max_weeds),
             crops=int(scenario.crops),
+            missing=float(scenario.crop_missing),
+            contrast=float(scenario.patch_contrast),
+            patch_m=float(scenario.patch_m),
         )
 
     @property
@@ -176,17 +187,21 @@ def grow(strip: Strip, chances: Chances, plants: Plants) -> None:
             species[i] = 1 if chances.species[r, i] < strip.grass_share else 0
         copy(chances.luck[r], plants.luck[r])
         copy(chances.look[r], plants.look[r])
+        there = 0
         for i in range(strip.crops):
+            if strip.missing > 0.0 and fine(chances.crop_luck[r, i]) < strip.missing:
+                continue
             stray_along = min(max(chances.crop_z[r, i, G.along], -_MOST_SIGMAS), _MOST_SIGMAS)
             stray_across = min(max(chances.crop_z[r, i, G.across], -_MOST_SIGMAS), _MOST_SIGMAS)
-            crop[i, G.along] = strip.pitch_m * (i - 0.5) + strip.jitter_m[G.along] * stray_along
-            crop[i, G.across] = 0.0 + strip.jitter_m[G.across] * stray_across
+            crop[there, G.along] = strip.pitch_m * (i - 0.5) + strip.jitter_m[G.along] * stray_along
+            crop[there, G.across] = 0.0 + strip.jitter_m[G.across] * stray_across
+            plants.crop_luck[r, there] = chances.crop_luck[r, i]
+            there += 1
         # Where plants stand nearer than they stray, a later one may stand before an earlier one.
-        rank(crop[:, G.along], order, spare)
-        for i in range(strip.crops):
+        rank(crop[:there, G.along], order, spare)
+        for i in range(there):
             plants.crop[r, i, G.along] = crop[order[i], G.along]
             plants.crop[r, i, G.across] = crop[order[i], G.across]
-        copy(chances.crop_luck[r], plants.crop_luck[r])
         plants.ground_look[r] = chances.crop_luck[r, strip.crops - 1]
 
 
@@ -195,8 +210,9 @@ def lay_weeds(strip: Strip, chances: Chances, r: int, place: Array) -> int:
     """Write the places of a world's weeds, cluster by cluster and then the background; gives how many there are."""
     low_m, size_m, sigma_m, drawn, kept = strip.low_m, strip.size_m, strip.sigma_m, 0, 0
     centre, evenly, normal = chances.centre[r], chances.place[r], chances.place_z[r]
+    phase = fine(chances.loose[r, 0])
     for parent in range(count_upto(strip.parents, chances.clusters[r, 0])):
-        centre_along = low_m[G.along] + size_m[G.along] * centre[parent, G.along]
+        centre_along = low_m[G.along] + size_m[G.along] * patched(strip, phase, centre[parent, G.along])
         centre_across = low_m[G.across] + size_m[G.across] * centre[parent, G.across]
         for _ in range(min(count_upto(strip.cluster, chances.number[r, parent]), strip.drawn - drawn)):
             place[kept, G.along] = centre_along + sigma_m * normal[drawn, G.along]
@@ -204,7 +220,7 @@ def lay_weeds(strip: Strip, chances: Chances, r: int, place: Array) -> int:
             drawn += 1
             kept += grows(strip.length_m, strip.half_width_m, place[kept, G.along], place[kept, G.across])
     for _ in range(min(count_upto(strip.background, chances.loose[r, 0]), strip.drawn - drawn)):
-        place[kept, G.along] = low_m[G.along] + size_m[G.along] * evenly[drawn, G.along]
+        place[kept, G.along] = low_m[G.along] + size_m[G.along] * patched(strip, phase, evenly[drawn, G.along])
         place[kept, G.across] = low_m[G.across] + size_m[G.across] * evenly[drawn, G.across]
         drawn += 1
         kept += grows(strip.length_m, strip.half_width_m, place[kept, G.along], place[kept, G.across])
@@ -215,3 +231,38 @@ def lay_weeds(strip: Strip, chances: Chances, r: int, place: Array) -> int:
 def grows(length_m: float, half_width_m: float, along_m: float, across_m: float) -> int:
     """1 for a place within the band of a strip."""
     return 1 if 0.0 <= along_m <= length_m and abs(across_m) <= half_width_m else 0
+
+
+@compiled
+def fine(chance: float) -> float:
+    """The last digits of a uniform number: another one, for what was not drawn when the numbers were counted."""
+    scaled = chance * 65536.0
+    return scaled - np.floor(scaled)
+
+
+@compiled
+def patched(strip: Strip, phase: float, share: float) -> float:
+    """Where along the area a place at a ``share`` of its weeds lies, as a share of its length: patches move weeds.
+
+    The density goes up and down in straight lines between 1 and the contrast, from ``phase`` of a patch on.
+    """
+    if strip.contrast == 1.0:
+        return share
+    step = 1.0 / _CELLS
+    total = 0.0
+    for cell in range(_CELLS):
+        total += patch_density(strip, phase, (cell + 0.5) * step)
+    left = share * total
+    for cell in range(_CELLS):
+        here = patch_density(strip, phase, (cell + 0.5) * step)
+        if left <= here:
+            return (cell + left / here) * step
+        left -= here
+    return 1.0
+
+
+@compiled
+def patch_density(strip: Strip, phase: float, share: float) -> float:
+    """Density at a share of the area's length over that where it is thinnest."""
+    turn = share * strip.size_m[G.along] / strip.patch_m + phase
+    return 1.0 + (strip.contrast - 1.0) * abs(2.0 * (turn - np.floor(turn)) - 1.0)
