@@ -215,7 +215,8 @@ def test_field_files_stand_where_seeds_stand_and_give_what_their_seeds_gave(
 def test_a_bound_knows_the_field_of_a_file(tmp_path: Path):
     folder = drawn(tmp_path / "fields", range(3, 4))
     files = field_files(ENV, folder, {"scenario": "pots", "perception": "model"})
-    chosen = suite("full", [ENV]).narrowed(None, ["nearest"], 1, "analytic").on_fields("fields", files).traced()
+    models = suite("full", [ENV]).narrowed(None, ["nearest"], 1, "analytic", "model")
+    chosen = models.on_fields("fields", files).traced()
     assert [episode.policy for episode in chosen.episodes()] == ["nearest", BOUND]
     report, _ = run(chosen, tmp_path / "out")
     seeded, _ = run(suite("full", [ENV]).narrowed(None, ["nearest"], 1, "analytic"), tmp_path / "seeded")
