@@ -37,8 +37,12 @@ MORE = {
     "view": {"--port": "0"},
 }
 """Options that a command gets where the page gives none of that name."""
-SMALL = "defaults: {num_envs: 2, n_steps: 32, batch_size: 32, evaluation_episodes: 2, teacher_decisions: 300}\n"
+_FEW = "{num_envs: 2, n_steps: 32, batch_size: 32, evaluation_episodes: 2, teacher_decisions: 300, teacher_epochs: 1}"
+SMALL = f"defaults: {_FEW}\npixels: {_FEW}\n"
 """Settings of a training that is over in seconds."""
+NEEDS = {"fieldgym train": "sb3_contrib", "results/train/": "sb3_contrib", "fieldgym view": "viser",
+         "fieldgym collect": "minari", "--video": "imageio"}  # fmt: skip
+"""Modules of extras that commands need, by a part of them."""
 NOT_RUN = {
     "pip install": "installs into the environment that the tests run in; test_packaging builds and installs the wheel",
     "make ": "test_readme holds the Makefile's targets to their names; CI calls them",
@@ -122,6 +126,11 @@ def left_out(command: str) -> str:
     return next((why for start, why in NOT_RUN.items() if command.startswith(start)), "")
 
 
+def missing(modules: str) -> str:
+    """The first of some modules, in words, that is not installed; empty if all are."""
+    return next((name for name in modules.split() if importlib.util.find_spec(name) is None), "")
+
+
 def words_of(command: str) -> list[str]:
     """Words of a ``fieldgym`` command as the test gives them, the first one left out."""
     for pattern, short in SHORTER:
@@ -157,14 +166,14 @@ def play(page: Path) -> None:
 
     from fieldgym.scripts import cli
 
-    if importlib.util.find_spec("viser") is not None:
+    if not missing("viser"):
         from fieldgym.viewer import show
 
         show.Viewer.run = lambda self, until=None: None  # it would serve until somebody stops it
     names: dict[str, object] = {"__name__": "page"}
     for block in blocks_of(text):
         where = f"{page.name}, line {block.line}"
-        if block.needs and importlib.util.find_spec(block.needs) is None:
+        if missing(block.needs):
             print(f"left out: {where}: {block.needs} is not installed")
         elif block.language == "python" and not block.name:
             print(f"runs: {where}", flush=True)
@@ -172,6 +181,10 @@ def play(page: Path) -> None:
         elif block.language not in SHOWN and not block.name:
             for command in block.commands:
                 if left_out(command):
+                    continue
+                lacking = missing(" ".join(module for part, module in NEEDS.items() if part in command))
+                if lacking:
+                    print(f"left out: {where}: {command}: {lacking} is not installed")
                     continue
                 words = words_of(block.shortened(command))
                 print(f"runs: {where}: fieldgym {shlex.join(words)}", flush=True)
