@@ -108,6 +108,9 @@ def test_the_leaderboard_at_a_glance_has_its_top_lines(site: Path) -> None:
         _, _, policy, net_rate = (cell.strip() for cell in top.split("|")[:4])
         assert f"| {policy.strip('*')} | {net_rate.split('<br>')[0]} |" in line
     assert re.search(r"source hash `[0-9a-f]{16}`", glance)
+    # What the leaderboard warns of is said wherever its figures stand.
+    for caution in re.findall(r"^(\*\*[^\n]+)$", board.partition("\n## ")[0], re.M):
+        assert caution in glance and all(caution in page_of(site, spec) for spec in OWN)
 
 
 def markdown_pages() -> list[Path]:

@@ -297,7 +297,8 @@ def _calibration(spec: TaskSpec) -> str:
     text = [
         "Every number of the machine and its work with where it comes from: *published* by the source that is named,",
         "*identified* (found so that a published result comes out), *assumed*, or without a source, as choices are.",
-        f"There are {told}. All can be changed: `overrides={{...}}`, `--set`.\n",
+        f"There are {told}. All can be changed: `overrides={{...}}`, `--set`. What each\n"
+        "assumption does to the results stands [on a page of its own](../assumptions.md).\n",
     ]
     heading = ("number", "unit", "value", "may be", "meaning", "comes from")
     # A mechanism's dimensions are explained with its formulas.

@@ -38,10 +38,12 @@ class Leaderboard(NamedTuple):
     Attributes:
         boards: by environment.
         made: version, source, date and machine of the run, by name.
+        caution: what readers of its figures have to know, empty where that is nothing.
     """
 
     boards: dict[str, Board]
     made: dict[str, str]
+    caution: str
 
     @property
     def stamp(self) -> str:
@@ -69,7 +71,8 @@ def read(page: Path) -> Leaderboard:
     made = dict(re.findall(r"^- (Version|Run|Machine|Seeds): (.+)$", text, re.M))
     if not boards or made.keys() != {"Version", "Run", "Machine", "Seeds"}:
         raise ValueError(f"{page}: not a leaderboard, let make leaderboard write it")
-    return Leaderboard(boards, made)
+    caution = re.search(r"^(\*\*.+?)\n\n", text.partition("\n## ")[0] + "\n\n", re.M | re.S)
+    return Leaderboard(boards, made, caution[1] if caution else "")
 
 
 def slice_of(board: Board) -> str:

@@ -57,7 +57,7 @@ def pages(docs: Path, own: list[TaskSpec]) -> None:
         written(docs / "environments" / f"{name}.md", text)
     links = {spec.id: f"[{environments.title(spec)}](environments/{environments.slug(spec)}.md)" for spec in own}
     glance = leaderboard.glance(found, links)
-    written(docs / "made" / "glance.md", f"{glance}\n{found.stamp}; `make leaderboard` renews it.\n")
+    written(docs / "made" / "glance.md", f"{glance}\n{found.stamp}; `make leaderboard` renews it.\n\n{found.caution}\n")
     written(docs / "made" / "cards.md", _cards(own, shown))
     for name, page in ROOT_PAGES.items():
         written(docs / page, from_root((ROOT / name).read_text("utf-8")))
@@ -71,7 +71,8 @@ def _board(found: leaderboard.Leaderboard, spec: TaskSpec) -> str:
     return f"""{board.condition[0].upper()}{board.condition[1:]}; means with 95 % bootstrap intervals, the paper's own
 order in bold. {found.stamp}; the whole table is on the [leaderboard](../leaderboard.md).
 
-{leaderboard.slice_of(board)}"""
+{leaderboard.slice_of(board)}
+{found.caution}"""
 
 
 def from_root(text: str) -> str:
