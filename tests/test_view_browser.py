@@ -12,6 +12,7 @@ import pytest
 
 from fieldgym.agents import make_policy
 from fieldgym.agents.policies.base import act_single
+from fieldgym.envs import env_ids, task
 from fieldgym.scripts.view import seat_of
 from fieldgym.viewer.play import Play
 
@@ -21,16 +22,16 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")]
 
 HOE = "fieldgym/HoeWeeding-v0"
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 # The page is drawn in software here; what a person has to see it do may take a while.
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 
 
-@pytest.fixture
-def viewer() -> Iterator[Any]:
+def served(play: Play, speed: float = 1.0) -> Iterator[Any]:
+    """A viewer whose loop runs."""
     from fieldgym.viewer.show import Viewer
 
-    one = Viewer(Play(HOE, "fifo", seed=3, settings={"backend": "analytic"}), seat_of, port=0)
+    one = Viewer(play, seat_of, port=0, speed=speed)
     thread = threading.Thread(target=one.run, daemon=True)
     thread.start()
     yield one
@@ -38,6 +39,11 @@ def viewer() -> Iterator[Any]:
     thread.join(PATIENCE_S)
     assert not thread.is_alive()
     one.close()
+
+
+@pytest.fixture
+def viewer() -> Iterator[Any]:
+    yield from served(Play(HOE, "fifo", seed=3, settings={"backend": "analytic"}))
 
 
 @pytest.fixture
@@ -117,6 +123,67 @@ def test_buttons_do_what_they_say(viewer: Any, browser: Any):
     seed.press("Enter")
     until(lambda: viewer.play.seed == 7)
     page.get_by_text("seed 7").first.wait_for()
+
+
+@pytest.fixture(params=[(env_id, backend) for env_id in env_ids() for backend in task(env_id).backends], ids=str)
+def any_viewer(request: pytest.FixtureRequest) -> Iterator[Any]:
+    """A viewer of one environment on one backend, fast: a decision may last for many seconds."""
+    env_id, backend = request.param
+    yield from served(Play(env_id, task(env_id).reference, seed=3, settings={"backend": backend}), 16.0)
+
+
+def click_on(viewer: Any, page: Any, slot: int) -> None:
+    """Have a candidate in the middle of the page, and click on it until it is picked."""
+    (client,) = viewer.server.get_clients().values()
+    mirror, camera = viewer._mirrors[0], client.camera
+    place = viewer.seats[0].belief.slot_m[slot] - mirror.middle + mirror.place
+    away = 0.6 * (np.asarray(camera.position) - camera.look_at)
+    camera.position, camera.look_at = place + away, place
+    size = page.viewport_size
+    end = time.monotonic() + PATIENCE_S
+    while viewer.picked != slot:
+        assert time.monotonic() < end, f"slot {slot} is not picked but {viewer.picked}"
+        page.mouse.click(0.5 * size["width"], 0.5 * size["height"])
+        page.wait_for_timeout(500.0)
+
+
+def test_every_environment_is_played_from_the_page_on_every_backend(any_viewer: Any, browser: Any):
+    viewer = any_viewer
+    spec = task(viewer.play.env_id)
+    page = opened(browser, viewer, 900)
+    press(page, "One decision")
+    until(lambda: len(viewer.seats[0].log) == 1 and not viewer.running)
+    press(page, "Play")
+    until(lambda: len(viewer.seats[0].log) >= 3)
+    press(page, "Pause")
+    until(lambda: not viewer.running)
+    press(page, "One decision")
+    until(lambda: not viewer.running and not viewer.seats[0].busy)
+
+    turn_to(page, "Decide")
+    until(lambda: bool(np.isfinite(viewer.seats[0].belief.slot_m).any()))
+    there = np.flatnonzero(np.isfinite(viewer.seats[0].belief.slot_m[:, 0])).tolist()
+    click_on(viewer, page, there[0])
+    pick(page, "candidate", f"slot {there[-1]}")
+    until(lambda: viewer.picked == there[-1])
+
+    # The last action that is possible, whatever the policy would do.
+    chosen = list(viewer.desk._actions)[-1]
+    wanted, done = viewer.desk._actions[chosen], len(viewer.seats[0].log)
+    pick(page, "action", chosen)
+    until(lambda: viewer.desk._action.value == chosen)
+    press(page, "Do it")
+    until(lambda: len(viewer.seats[0].log) == done + 1 and not viewer.running)
+    assert viewer.seats[0].log[-1].by_hand and viewer.seats[0].log[-1].action == wanted
+
+    turn_to(page, "Played")
+    other = next(name for name in spec.policies if name not in (spec.reference, "learned"))
+    pick(page, "policy", other)
+    until(lambda: viewer.seats[0].policy.name == other and not viewer.seats[0].log)
+    seed = page.get_by_label("seed", exact=True).first
+    seed.fill("7")
+    seed.press("Enter")
+    until(lambda: viewer.play.seed == 7 and not viewer.seats[0].log)
 
 
 def test_browsers_that_vanish_change_nothing(viewer: Any, browser: Any):
