@@ -16,6 +16,7 @@ from fieldgym.scripts.common import (
     environment_id,
     numbers_of,
     told_in_one_line,
+    writable_folder,
 )
 
 app = typer.Typer(help="Fields in files: draw, check, show, convert.", no_args_is_help=True)
@@ -49,6 +50,7 @@ def draw(
     with told_in_one_line():
         core = _core(env, scenario, sets, perception)
         field = core.draw_field(_generator(seed))
+        writable_folder(out.parent, "--out")
         write_field(field, out)
     typer.echo(f"{out}: {_counts(field)}")
 

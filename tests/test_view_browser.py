@@ -4,6 +4,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -14,6 +15,7 @@ from fieldgym.agents import make_policy
 from fieldgym.agents.policies.base import act_single
 from fieldgym.envs import env_ids, task
 from fieldgym.scripts.view import seat_of
+from fieldgym.viewer import panels
 from fieldgym.viewer.play import Play
 
 pytest.importorskip("viser", reason="the view extra is not installed")
@@ -127,9 +129,11 @@ def test_buttons_do_what_they_say(viewer: Any, browser: Any):
 
 @pytest.fixture(params=[(env_id, backend) for env_id in env_ids() for backend in task(env_id).backends], ids=str)
 def any_viewer(request: pytest.FixtureRequest) -> Iterator[Any]:
-    """A viewer of one environment on one backend, fast: a decision may last for many seconds."""
+    """A viewer of one environment on one backend, fast where a decision lasts for many seconds."""
     env_id, backend = request.param
-    yield from served(Play(env_id, task(env_id).reference, seed=3, settings={"backend": backend}), 16.0)
+    parts = task(env_id).assembly
+    speed = 16.0 if parts.mean_decision_s(parts.headline) > 5.0 else 1.0
+    yield from served(Play(env_id, task(env_id).reference, seed=3, settings={"backend": backend}), speed)
 
 
 def click_on(viewer: Any, page: Any, slot: int) -> None:
@@ -184,6 +188,27 @@ def test_every_environment_is_played_from_the_page_on_every_backend(any_viewer: 
     seed.fill("7")
     seed.press("Enter")
     until(lambda: viewer.play.seed == 7 and not viewer.seats[0].log)
+
+
+def test_a_minute_s_replay_opens_from_the_disk_without_a_network(tmp_path: Path, browser: Any):
+    from fieldgym.viewer.record import record
+
+    path = tmp_path / "minute.html"
+    (card,) = record(path, Play(HOE, "edf", seed=3, settings={"backend": "analytic"}), seat_of, 60.0)
+    assert card["duration_s"] > 59.0 and path.stat().st_size < 2e6
+    context = browser.new_context(offline=True)
+    page = context.new_page()
+    page.set_default_timeout(1000.0 * PATIENCE_S)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(path.as_uri())
+    table = page.locator("#fieldgym")
+    table.wait_for(state="attached")
+    page.locator("canvas").first.wait_for(state="attached")
+    for name in ("net_rate", "cycle_time_s", "duration_s", "missed"):
+        assert panels.figure(name, card[name]) in str(table.text_content()), name
+    assert not [url for url in asked if url.startswith(("http:", "https:", "ws:", "wss:"))]
+    context.close()
 
 
 def test_browsers_that_vanish_change_nothing(viewer: Any, browser: Any):
