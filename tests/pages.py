@@ -37,7 +37,10 @@ MORE = {
     "view": {"--port": "0"},
 }
 """Options that a command gets where the page gives none of that name."""
-_FEW = "{num_envs: 2, n_steps: 32, batch_size: 32, evaluation_episodes: 2, teacher_decisions: 300, teacher_epochs: 1}"
+_FEW = (
+    "{num_envs: 2, n_steps: 32, batch_size: 32, evaluation_episodes: 2, evaluate_every: 1, teacher_decisions: 300, "
+    "teacher_epochs: 1}"
+)
 SMALL = f"defaults: {_FEW}\npixels: {_FEW}\n"
 """Settings of a training that is over in seconds."""
 NEEDS = {"fieldgym train": "sb3_contrib", "results/train/": "sb3_contrib", "fieldgym view": "viser",
