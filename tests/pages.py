@@ -24,6 +24,7 @@ SHORTER = (
     (r"--episodes \d+", "--episodes 2"),
     (r"--steps \d+", "--steps 64"),
     (r"--seconds \d+", "--seconds 2"),
+    (r"--speed \d+", "--speed 200"),
     (r"/tmp/results", "results/elsewhere"),
     (r"reproduce( all)?$", "reproduce transplanting --jobs 1"),
 )
@@ -141,6 +142,8 @@ def words_of(command: str) -> list[str]:
     words = shlex.split(command)[1:]
     for option, value in MORE.get(words[0], {}).items():
         words += [] if option in words else [option, value]
+    if "--video" in words and "--speed" not in words:
+        words += ["--speed", "200"]  # fewer frames
     if words[0] == "view" and "--record" in words:
         words = words[: words.index("--port")]
     return words
