@@ -342,3 +342,19 @@ def test_shape_says_what_the_tool_s_line_is():
 def test_no_bound_is_claimed_where_the_ground_moves_the_tool():
     with pytest.raises(ValueError, match="no bound is known where the ground moves the tool"):
         instance_of(drawn(on(iso_class="A")))
+
+
+def test_the_odometry_errs_for_as_much_of_its_way_as_the_tool_comes_later():
+    config = on(drift_share=0.03, slip_share=0.02, tool_camera=False)
+    core = drawn(config, perception=PerceptionModel.measured())
+    surface, shape, shifts = core.state.surface[0], core.tables.shape, []
+    for plan in shots(core):
+        if plan.kind[0] >= 3:
+            continue
+        report = core.state.track_report[0, plan.track[0]]
+        cart = plan.cart[0] + config.speed_m_s * plan.phases_s[0, :2].sum()
+        slips = np.interp([cart, report[0]], shape.first_m + STEP_M * np.arange(len(surface)), surface[:, U.slip])
+        shift = plan.target[0, 0] + plan.target[0, 1] - report[0]
+        assert shift == pytest.approx(slips[0] - slips[1], abs=1e-9) and plan.target[0, 2] == report[1]
+        shifts.append(shift)
+    assert np.abs(shifts).max() > 1e-3

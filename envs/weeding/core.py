@@ -90,7 +90,8 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         self._all_seen = perception is not None and perception == PerceptionModel.perfect()
         self._cameras = Cameras.of(scenario, config.cart, perception or PerceptionModel.perfect())
         self._numbers = (*self._strip.random_numbers, *self._cameras.random_numbers(scenario.max_weeds))
-        self.tables = tables_of(config, machine, process, perception.delay_s if perception else 0.0)
+        believes = perception is not None and not self._all_seen
+        self.tables = tables_of(config, machine, process, perception.delay_s if perception else 0.0, believes)
         # Weeds and crop plants lie in one array.
         self.weeds_end = self.tables.weeds_end
         self.capacity = self._cameras.capacity(scenario.max_weeds) if perception else 4 * scenario.max_weeds

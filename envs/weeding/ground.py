@@ -105,6 +105,8 @@ def draw_profile(config: FieldTask, look: float) -> Profile:
     _stray(generator.standard_normal(rows), math.exp(-STEP_M / _SLIP_M), float(ground.slip_share), slip)
     _sway(generator.standard_normal((len(_SWAYS_PER_M), 2)), float(ground.wander_m), waves, sway)
     left, middle, right = heights.T
+    if ground.drift_share is not None:
+        slip += drift_of(ground, look) * STEP_M * np.arange(rows)
     return Profile(first + STEP_M * np.arange(rows, dtype=np.float64), left, middle, right, slip, sway)
 
 

@@ -52,7 +52,7 @@ class GroundConfig(Config):
     """Whether a tool with a camera of its own uses it."""
     second_motion: bool = flag(False)
     """Whether the tool camera looks after the move, from where the tool then is, and its correction is a motion of its
-    own; on ground that shakes it always is."""
+    own; on ground that shakes, or with a drift of its own, it always is."""
 
     @property
     def shakes(self) -> bool:
@@ -61,8 +61,11 @@ class GroundConfig(Config):
 
     @property
     def uneven(self) -> bool:
-        """Whether fields say how the ground lies; where the tool camera looks after the move they do, level or not."""
-        return self.shakes or self.second_motion
+        """Whether fields say how the ground lies and how the odometry errs on it.
+
+        Where they do, level or not, the tool camera looks after the move.
+        """
+        return self.shakes or self.second_motion or self.drift_share is not None
 
     @property
     def roughness_m3(self) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...kernels import compiled
 from ..core import Array, StepResult
 from .process import dose
-from .shaken import corrected, deeper, worked
+from .shaken import carried_on, corrected, deeper, worked
 from .state import MODES, NOTHING, PAD, WAIT, N, R, T, Tables, V, WeederPlan, Worlds
 from .timing import WORK, A, Approach, G, P, Place, approach, move_time, ready, way_of
 
@@ -65,9 +65,10 @@ def plan_worlds(tables: Tables, arm: Any, worlds: Worlds, actions: NDArray[np.in
                 target[w, A.carrier] = way.carrier_m + (seen[G.along] - told[G.along])
                 target[w, A.across] = way.across_m + (seen[G.across] - told[G.across])
             else:
-                along, across = corrected(tables, worlds, w, speed[w], way, seen[G.along], seen[G.across])
+                carried = carried_on(tables, worlds, w, speed[w], way)
+                along, across = corrected(tables, worlds, w, speed[w], way, carried, seen[G.along], seen[G.across])
                 correction[w, G.along], correction[w, G.across] = along, across
-                target[w, A.carrier], target[w, A.across] = way.carrier_m + along, way.across_m + across
+                target[w, A.carrier], target[w, A.across] = way.carrier_m + carried + along, way.across_m + across
                 if tables.looks_after:
                     phases_s[w, WORK] += move_time(arm, along, 0.0, across)
         else:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...perception.frames import Camera, Frame
+from ...rendering.cameras import pose_of, view_of
 from ...rendering.instances import Instances, about_z, instances, joined
 from ...rendering.renderer import GroundLook
 from ...rendering.shapes import box, frustum, surface_of_revolution
@@ -14,6 +15,7 @@ from ...simulation.stage import Scene, Stage
 from ..core import Array
 from .config import FieldTask
 from .seedlings import crop_mesh, weed_mesh
+from .standing import Standing
 
 Rgba = tuple[float, float, float, float]
 
@@ -89,6 +91,7 @@ class FieldScene(Scene):
         self._cart_m, self._planted_m = 0.0, np.inf
         self._strip = 0
         self.tool_m = np.zeros(3)
+        self.standing: Standing | None = None
 
     def load(
         self,
@@ -98,8 +101,13 @@ class FieldScene(Scene):
         look: Array,
         crop: Array,
         strip: int,
+        standing: Standing | None = None,
     ) -> None:
-        """Show another strip: weeds (n, 2) with their kinds and looks in [0, 1), crop plants (m, 2), its number."""
+        """Show another strip: weeds (n, 2) with their kinds and looks in [0, 1), crop plants (m, 2), its number.
+
+        ``standing`` is its ground where that is no plane.
+        """
+        self.standing = standing
         self._weed, self._species, self._stage, self._look = weed, species, stage, look
         self._crop = crop
         self._dead_weed, self._dead_crop = np.zeros(len(weed), bool), np.zeros(len(crop), bool)
@@ -117,7 +125,7 @@ class FieldScene(Scene):
         """What the front camera sees, straight down; the top of the picture is ahead."""
         self.plant_around(cart_m)
         eye = np.array([cart_m + self.config.cart.camera_ahead_m, 0.0, self.eye_m])
-        return self.look_down(self.front, eye, eye - np.array([0.0, 0.0, 1.0]))
+        return self.look_shaken(self.front, cart_m, eye, eye - np.array([0.0, 0.0, 1.0]))
 
     def sight_camera(self, rows: int, behind_m: float) -> Camera:
         """A camera of that many rows over the stretch that can be chosen from; its long side lies along the row."""
@@ -180,6 +188,19 @@ class FieldScene(Scene):
         view, ground = (camera, eye, target, (1.0, 0.0, 0.0)), self._ground(camera, eye)
         return self.stage.look(*view, "plants", "soil", ground=ground)
 
+    def look_shaken(self, camera: Camera, cart_m: float, eye: Array, target: Array) -> Frame:
+        """What a camera of the frame sees, which is at ``eye`` and looks towards ``target`` if the frame stands level.
+
+        Whoever reads the picture believes that it does: nothing measures how the frame stands.
+        """
+        if self.standing is None:
+            return self.look_down(camera, eye, target)
+        up = np.array([1.0, 0.0, 0.0])
+        real, middle, top = (self.standing.put(cart_m, point) for point in (eye, target, eye + up))
+        ground = self._ground(camera, eye)
+        seen = self.stage.look(camera, real, middle, top - real, "plants", "soil", ground=ground)
+        return Frame(seen.rgb, seen.depth_m, pose_of(view_of(camera, eye, target, up)))
+
     def plant_around(self, middle_m: float) -> None:
         """Show what stands around ``middle_m``, if it is not shown."""
         if abs(middle_m - self._planted_m) < _REPLANT_M:
@@ -222,7 +243,9 @@ class FieldScene(Scene):
         crop = np.array(BEET if self.config.scenario.crop == "beet" else MAIZE)[:3]
         looks = np.concatenate([self._look, _scatter(np.arange(m), self._strip)])
         turn = about_z(2.0 * np.pi * looks)
-        at = np.column_stack([np.concatenate([self._weed, self._crop]), np.zeros(n + m)])
+        places = np.concatenate([self._weed, self._crop])
+        heights = np.zeros(n + m) if self.standing is None else self.standing.heights_m(places)
+        at = np.column_stack([places, heights])
         colour = np.concatenate([green, np.tile(crop, (m, 1))])
         dead = np.concatenate([self._dead_weed, self._dead_crop])
         at[dead], turn[dead], withered = self.dead_looks(at[dead], turn[dead])

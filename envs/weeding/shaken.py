@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from ...kernels import compiled
 from ..core import Array
-from .shaking import lands, sinks_m
+from .shaking import U, at_line, lands, sinks_m
 from .state import Tables, V, Worlds
 from .timing import WORK, A, Approach, way_of
 
@@ -35,7 +35,14 @@ def until(phases_s: Array, phase: int) -> float:
 
 @compiled
 def corrected(
-    tables: Tables, worlds: Worlds, w: int, speed: Array, way: Approach, seen_along_m: float, seen_across_m: float
+    tables: Tables,
+    worlds: Worlds,
+    w: int,
+    speed: Array,
+    way: Approach,
+    carried_m: float,
+    seen_along_m: float,
+    seen_across_m: float,
 ) -> tuple[float, float]:
     """How far along and across the camera beside the tool corrects it, which has come to a track's place.
 
@@ -45,17 +52,32 @@ def corrected(
         w: the world.
         speed: (2,), the plan's.
         way: how the tool has come there.
+        carried_m: by how much the odometry has carried the track on since it was told, see ``carried_on``.
         seen_along_m: where the camera sees a plant; far away where it sees none.
         seen_across_m: see ``seen_along_m``.
     """
     if not tables.looks_after:
         return 0.0, 0.0
     cart = cart_after(tables, worlds, w, speed, way.move_s + way.wait_s)
-    x, y = lands(worlds.surface[w], tables.shape, cart, way.carrier_m, way.lean_m, way.across_m)
+    x, y = lands(worlds.surface[w], tables.shape, cart, way.carrier_m + carried_m, way.lean_m, way.across_m)
     along, across = seen_along_m - x, seen_across_m - y
     if along * along + across * across > tables.gate_m * tables.gate_m:
         return 0.0, 0.0
     return along, across
+
+
+@compiled
+def carried_on(tables: Tables, worlds: Worlds, w: int, speed: Array, way: Approach) -> float:
+    """By how much the odometry has carried a track on when the tool has come to it, beyond what its report says.
+
+    A report says where the plant will be believed when it is under the tool's middle; the tool may come before or after
+    that, and then the odometry has erred for less or more of its way.
+    """
+    if not tables.believes:
+        return 0.0
+    cart = cart_after(tables, worlds, w, speed, way.move_s + way.wait_s)
+    surface, shape = worlds.surface[w], tables.shape
+    return at_line(surface, shape, U.slip, cart) - at_line(surface, shape, U.slip, way.carrier_m + way.lean_m)
 
 
 @compiled

@@ -123,6 +123,7 @@ class Tables(NamedTuple):
         time_limit_s: when the episode is cut off.
         looks_after: whether a camera beside the tool looks after the move and its correction is a motion of its own.
         gate_m: how far from where it looks it finds a plant.
+        believes: whether tracks say where a plant will be believed when it is under the tool's middle; else now.
         depths_m: (M,), how deep the tool works in the ground, by mode.
         shape: of frame and tool on ground that is not level.
         demanded: share of the weeds beyond which kills are worth nothing, 0 where all count.
@@ -148,6 +149,7 @@ class Tables(NamedTuple):
     time_limit_s: float
     looks_after: bool
     gate_m: float
+    believes: bool
     depths_m: Array
     shape: Shape
     demanded: float
@@ -230,7 +232,7 @@ class WeederPlan(NamedTuple):
     correction: Array
 
 
-def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: float) -> Tables:
+def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: float, believes: bool) -> Tables:
     """The tables of a configuration; tracks are used ``delay_s`` after the pictures that they come from."""
     scenario, cart, weights = config.scenario, config.cart, config.weights
     # A target must stay in reach for the longest correction too.
@@ -256,6 +258,7 @@ def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: flo
         time_limit_s=float(config.time_limit_s),
         looks_after=bool(config.looks_after),
         gate_m=TOOL_GATE_M,
+        believes=believes,
         depths_m=np.array(config.depths_m, float),
         shape=shape_of(config),
         demanded=float(scenario.demanded),

@@ -11,7 +11,7 @@ from ...kernels import compiled
 from ..core import Array
 from .config import FieldTask
 from .field import Profile
-from .ground import drift_of, shape_of, surface_of
+from .ground import shape_of, surface_of
 from .shaking import Shape, U, at_line, believed
 
 NOWHERE_M = 3.0
@@ -29,8 +29,8 @@ class Carrying(NamedTuple):
     Attributes:
         surface: (R, S, 7), the grounds; no rows where frames stand level or everything is seen as it is.
         shape: see ``Shape``.
-        drift_m: (R,), what the odometry's scale errs by from the camera's view to the tool.
-        told: whether the ground's configuration says the drift; else the cameras' statistics do.
+        drift_m: (R,), what the odometry errs by from the camera's view to the tool beyond what the ground says.
+        told: whether the ground says all of it; else the cameras' statistics add theirs.
         ahead_m: camera before the tool's middle.
         eye_m: its height.
         half_view_m: half the length of ground in which it takes plants as a whole.
@@ -67,8 +67,8 @@ class Carrying(NamedTuple):
         if all_seen:
             return carrying
         if ground.drift_share is not None:
-            drifts = [cart.unseen_m * drift_of(ground, look) for look in looks.tolist()]
-            carrying = carrying._replace(drift_m=np.array(drifts, np.float64), told=True)
+            # The profile says it, with the slip.
+            carrying = carrying._replace(told=True)
         if not profiles:
             return carrying
         return carrying._replace(

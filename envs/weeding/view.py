@@ -16,6 +16,7 @@ from ..core import Array, Sight, StepResult, View
 from ..pixels import on_picture
 from .core import WeedingCore
 from .scene import FieldScene
+from .standing import Standing
 from .state import MODES, WAIT, WeederPlan
 from .straying import WHOLE_M
 from .timing import G
@@ -65,7 +66,9 @@ class FrontCamera:
 
     def place(self, track_place: Array, last_m: float, cart_m: float) -> Array:
         """Where the odometry believes that a plant is, as the cart's position is true."""
-        return track_place + np.array([self._drift * (cart_m - last_m), 0.0])
+        standing = self._scene.standing
+        slipped_m = 0.0 if standing is None else standing.slipped_m(last_m, cart_m)
+        return track_place + np.array([self._drift * (cart_m - last_m) + slipped_m, 0.0])
 
 
 def boxed(rgb: NDArray[np.uint8], found: Seedlings) -> NDArray[np.uint8]:
@@ -129,7 +132,9 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
             self._sensed = self._identity()
             eyes = self.camera_scene()
             self.show_strip(eyes)
-            drift = DRIFT_SHARE * (2.0 * float(core.ground_look[0]) - 1.0) * np.sqrt(3.0)
+            look, ground = float(core.ground_look[0]), core.config.scenario.ground
+            told = ground.drift_share is not None
+            drift = 0.0 if told else DRIFT_SHARE * (2.0 * look - 1.0) * np.sqrt(3.0)
             self._front = FrontCamera(eyes, -core.config.cart.start_m, drift)
             self._listed = []
         cart, front = float(core.state.cart[0]), self._front
@@ -159,10 +164,11 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
         index = int(core.state.slot_track[0, option // MODES])
         self._front.tracker.tracks[self._listed[index]].treated = True
         self.treat_near(core.state.track_report[0, index])
-        self.aim_at(index)
+        if core.config.scenario.ground.tool_camera or core.tables.looks_after:
+            self.aim_at(index, action)
 
-    def aim_at(self, index: int) -> None:
-        """Correct the aim at a listed track; without a camera beside the tool nothing is."""
+    def aim_at(self, index: int, action: int) -> None:
+        """Correct the aim of an action at a listed track; without a camera beside the tool nothing is."""
 
     def treat_near(self, place: Array) -> None:
         """A plant that fell apart in the front camera's pictures has several tracks: one treatment is for them all."""
@@ -299,6 +305,7 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
             core.plant_look[0, :end][exists],
             core.state.plant[0, end:],
             int(1e6 * core.ground_look[0]) % 1009,
+            Standing(core.state.surface[0].copy(), core.tables.shape) if core.state.surface.shape[1] else None,
         )
 
     def _identity(self) -> int:

@@ -62,7 +62,11 @@ class WeederScene(FieldScene):
             shown.append(instances(self._spot, (met[0], met[1], 0.006), along, GLOW))
         self.stage.put("beam", joined(shown), shadow=False)
 
-    def look_tool(self, centre: Array, spot: Array) -> Frame:
-        """What the camera beside the laser sees from the platform's ``centre`` (3,) towards a place (2,)."""
+    def look_tool(self, centre: Array, spot: Array, cart_m: float = 0.0) -> Frame:
+        """What the camera beside the laser sees from the platform's ``centre`` (3,) towards a place (2,).
+
+        On ground that is no plane the frame's stand at ``cart_m`` moves both.
+        """
         self.plant_around(float(centre[0]))
-        return self.look_down(self.tool, centre, np.array([spot[0], spot[1], self._reach.target_height_m]))
+        target = np.array([spot[0], spot[1], self._reach.target_height_m])
+        return self.look_shaken(self.tool, cart_m, centre, target)

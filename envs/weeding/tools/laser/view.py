@@ -6,12 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from .....perception.frames import Frame
 from .....perception.weeds import WeedSettings, detect
 from ....core import Array
 from ...core import WeedingCore
 from ...perception import TOOL_GATE_M
+from ...shaking import lands
 from ...state import WAIT, WeederPlan
-from ...timing import WORK
+from ...straying import NOWHERE_M
+from ...timing import WORK, G, P, way_of
 from ...view import FieldView, Show
 from .aim import poses
 from .config import WeedingConfig
@@ -21,6 +24,16 @@ from .scene import WeederScene
 
 TOOL_SETTINGS = WeedSettings(close_m=0.0012, whole=False)
 """Of the detector behind the tool camera, whose view is not much larger than the largest weed."""
+
+
+def nearest_seen(frame: Frame, told: Array) -> Array | None:
+    """The plant (2,) in a tool camera's picture that is nearest to where it was sent, (2,); None where none is near."""
+    found = detect(frame, settings=TOOL_SETTINGS)
+    if not len(found.position):
+        return None
+    gap = np.hypot(*(found.position - told).T)
+    nearest = int(gap.argmin())
+    return found.position[nearest] if gap[nearest] <= TOOL_GATE_M else None
 
 
 class WeederView(FieldView[WeederScene]):
@@ -47,8 +60,11 @@ class WeederView(FieldView[WeederScene]):
         for x, coordinates, on in zip(cart.tolist(), beam, burns.tolist(), strict=True):
             yield self._show(x, coordinates, on)
 
-    def aim_at(self, index: int) -> None:
+    def aim_at(self, index: int, action: int) -> None:
         """Have the tool camera look at the weed that an action fires at, and correct the rules' aim."""
+        if self.core.tables.looks_after:
+            self._look_after(index, action)
+            return
         aim = self.tool_aim(self.core.state.track_report[0, index])
         if aim is not None:
             self.core.correct(0, index, aim)
@@ -58,13 +74,32 @@ class WeederView(FieldView[WeederScene]):
         """Where the tool camera sees the plant that it was sent to, (2,), or None."""
         reach = self._config.reach
         centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
-        frame = self.camera_scene().look_tool(centre, told)
-        found = detect(frame, settings=TOOL_SETTINGS)
-        if not len(found.position):
-            return None
-        gap = np.hypot(*(found.position - told).T)
-        nearest = int(gap.argmin())
-        return found.position[nearest] if gap[nearest] <= TOOL_GATE_M else None
+        return nearest_seen(self.camera_scene().look_tool(centre, told), told)
+
+    def _look_after(self, index: int, action: int) -> None:
+        """Look at where an action has brought the tool, from where the tool then is; the rules take what is seen.
+
+        They want it as a place in the world: where the tool works without a correction, and from there the way that
+        the camera, which shares the tool's error, sees to the plant.
+        """
+        core, state = self.core, self.core.state
+        nowhere = np.array([state.track_report[0, index, G.along], NOWHERE_M])
+        core.correct(0, index, nowhere)
+        if not core.config.scenario.ground.tool_camera:
+            return
+        plan = core.plan(np.array([action]))
+        time_s = float(plan.phases_s[0, P.move] + plan.phases_s[0, P.wait])
+        before, after = plan.speed[0].tolist()
+        way, _ = way_of(before, after, self._config.cart.acceleration_m_s2, time_s)
+        cart, (carrier, lean, across) = float(plan.cart[0]) + way, plan.target[0].tolist()
+        told, reach = np.array([carrier + lean, across]), self._config.reach
+        eye = np.array([carrier, 0.0, reach.target_height_m + reach.gap_m])
+        seen = nearest_seen(self.camera_scene().look_tool(eye, told, cart), told)
+        if seen is not None:
+            core.correct(
+                0, index, lands(state.surface[0], core.tables.shape, cart, carrier, lean, across) + seen - told
+            )
+            self.treat_near(seen)
 
     def _show(self, cart_m: float, beam: Array, on: bool) -> Show[WeederScene]:
         pose = poses(self._config.reach, beam[None], np.array([cart_m]))[0]

@@ -1,0 +1,217 @@
+"""What ground that shakes does to weeding, and what the camera beside the tool is worth on it.
+
+    python scripts/ground.py worth [--fields 100] [--scenario load-1.0] [--policy edf]
+    python scripts/ground.py profile [--fields 100]
+    python scripts/ground.py cameras [--fields 24] [--strip 2]
+    python scripts/ground.py backends [--fields 20] [--strip 2]
+
+``worth`` prints the laser's net rate with its tool camera on and off, and the hoe's, by class of ground, with paired
+95 % intervals. ``profile`` prints what the drawn ground does to frame, cameras and tool. ``cameras`` plays the same
+fields with rendered and with statistical cameras, by drift of the odometry and by class; ``backends`` the same fields
+by analytic executor and in PyBullet. Where ``--strip`` is given, fields are that long.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import fieldgym  # noqa: F401
+from fieldgym.agents import act_single, make_policy
+from fieldgym.benchmark.statistics import Estimate, mean, paired_difference
+from fieldgym.envs.weeding.config import SCENARIOS
+from fieldgym.envs.weeding.ground import draw_profiles, shape_of, surface_of
+from fieldgym.envs.weeding.ground_config import GroundConfig
+from fieldgym.envs.weeding.shaking import frames_at, lands, sinks_m
+from fieldgym.envs.weeding.straying import Carrying, strayed
+from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
+
+CLASSES = ("none", "A", "B", "C", "D", "soil")
+LASER, HOE = "fieldgym/LaserWeeding-v0", "fieldgym/HoeWeeding-v0"
+BASE_M = 1.1
+"""A shorter wheel base, that of the published figures' arithmetic."""
+_AT_M = np.arange(0.5, 7.5, 0.1)
+
+
+def overrides(strip_m: float | None, **ground: Any) -> dict[str, Any]:
+    """Settings of a ground, and of the strip's length where one is given."""
+    rest = {} if strip_m is None else {"scenario.strip_m": strip_m}
+    return {f"scenario.ground.{name}": value for name, value in ground.items()} | rest
+
+
+def batch_scores(env_id: str, fields: int, scenario: str, policy: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """Scores (fields,) of a policy on the analytic backend with statistical cameras."""
+    env = gym.make_vec(
+        env_id,
+        fields,
+        vectorization_mode="vector_entry_point",
+        scenario=scenario,
+        overrides=settings,
+        autoreset_mode=gym.vector.AutoresetMode.DISABLED,
+    )
+    chooser = make_policy(policy, env, 0)  # type: ignore[arg-type]
+    observation, _ = env.reset(seed=list(range(fields)))
+    chooser.reset(np.ones(fields, bool))
+    over, scores = np.zeros(fields, bool), {}
+    while not over.all():
+        observation, _, terminated, truncated, info = env.step(np.asarray(chooser.act(observation)))
+        ending = (terminated | truncated) & ~over
+        for name in ("net_rate", "cycle_time_s"):
+            scores.setdefault(name, np.full(fields, np.nan))[ending] = info["scorecard"][name][ending]
+        over |= ending
+    env.close()
+    return scores
+
+
+def scores_one_by_one(fields: int, scenario: str, policy: str, **kwargs: Any) -> dict[str, Any]:
+    """Scores (fields,) of a policy of the laser weeder, one field after the other."""
+    env = gym.make(LASER, scenario=scenario, disable_env_checker=True, **kwargs)
+    cards = []
+    for seed in range(fields):
+        observation, info = env.reset(seed=seed)
+        chooser = make_policy(policy, env, 0)
+        chooser.reset(np.ones(1, bool))
+        over = False
+        while not over:
+            observation, _, terminated, truncated, info = env.step(act_single(chooser, observation))
+            over = terminated or truncated
+        cards.append(info["scorecard"])
+    env.close()
+    return {name: np.array([card[name] for card in cards]) for name in ("net_rate", "cycle_time_s")}
+
+
+def shown(estimate: Estimate, factor: float = 100.0, digits: int = 1) -> str:
+    """A value with its interval."""
+    value, low, high = (factor * part for part in (estimate.value, estimate.low, estimate.high))
+    return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def worth(options: argparse.Namespace) -> Table:
+    """Net rates with the tool camera on and off, paired."""
+    table = Table("ground", "laser %", "without tool camera %", "worth, points", "hoe %", "hoe against a plane, points")
+    level = None
+    for iso_class in CLASSES:
+        on, off = (
+            batch_scores(
+                LASER,
+                options.fields,
+                options.scenario,
+                options.policy,
+                overrides(options.strip, iso_class=iso_class, second_motion=True, tool_camera=used),
+            )["net_rate"]
+            for used in (True, False)
+        )
+        settings = overrides(options.strip, iso_class=iso_class)
+        hoe = batch_scores(HOE, options.fields, options.scenario, options.policy, settings)["net_rate"]
+        level = hoe if level is None else level
+        parts = mean(on), mean(off), paired_difference(on, off), mean(hoe), paired_difference(hoe, level)
+        table.add_row(iso_class, *map(shown, parts))
+    return table
+
+
+def profile(options: argparse.Namespace) -> Table:
+    """What the drawn ground does, root mean squares."""
+    table = Table("ground", "wheel base m", "pitch deg", "roll deg", "heave mm", "track mm", "tool mm", "depth mm")
+    looks = np.random.default_rng(0).random(options.fields)
+    places = np.column_stack([_AT_M, np.zeros(len(_AT_M))])
+
+    def rms(values: Sequence[Any], factor: float) -> str:
+        return f"{factor * np.sqrt((np.asarray(values, float) ** 2).mean()):.2f}"
+
+    for iso_class in CLASSES[1:]:
+        for base_m in (BASE_M, GroundConfig().wheel_base_m):
+            ground = GroundConfig(iso_class=iso_class, wheel_base_m=base_m)
+            config = replace(WeedingConfig(), scenario=replace(SCENARIOS["load-1.0"], ground=ground))
+            profiles, shape = draw_profiles(config, looks), shape_of(config)
+            surfaces = surface_of(config, profiles)
+            carrying = Carrying.of(config, profiles, looks, False)
+            frames = np.array([frames_at(surface, shape, _AT_M) for surface in surfaces])
+            tracks = [strayed(carrying, r, *place) for r in range(len(surfaces)) for place in places.tolist()]
+            tools = [
+                np.array(lands(s, shape, x, x, 0.0, 0.0)) - np.array([x, 0.0]) for s in surfaces for x in _AT_M.tolist()
+            ]
+            depths = [sinks_m(surface, shape, x, x, 0.0) for surface in surfaces for x in _AT_M.tolist()]
+            degrees = 180.0 / np.pi
+            table.add_row(
+                iso_class,
+                f"{base_m}",
+                rms(frames[..., 1], degrees),
+                rms(frames[..., 2], degrees),
+                rms(frames[..., 0], 1e3),
+                " / ".join(rms([pair[axis] for pair in tracks], 1e3) for axis in (0, 1)),
+                " / ".join(rms([pair[axis] for pair in tools], 1e3) for axis in (0, 1)),
+                rms(depths, 1e3),
+            )
+    return table
+
+
+CONDITIONS = (
+    {"drift_share": 0.01},
+    {"drift_share": 0.02},
+    {"drift_share": 0.04},
+    {"iso_class": "A", "drift_share": 0.01},
+    {"iso_class": "C", "drift_share": 0.01},
+    {"iso_class": "D", "drift_share": 0.01},
+)
+"""Grounds by which rendered and statistical cameras are compared."""
+
+
+def compared(
+    options: argparse.Namespace, kinds: dict[str, dict[str, str]], conditions: Sequence[dict[str, Any]]
+) -> Table:
+    """The same fields played in two ways."""
+    first, second = kinds
+    table = Table("ground", f"{first} %", f"{second} %", "difference, points", "cycle time, difference %")
+    for ground in conditions:
+        settings = overrides(options.strip, **ground)
+        one, other = (
+            scores_one_by_one(options.fields, options.scenario, options.policy, overrides=settings, **kwargs)
+            for kwargs in kinds.values()
+        )
+        rates = one["net_rate"], other["net_rate"]
+        cycle = 100.0 * (other["cycle_time_s"].mean() / one["cycle_time_s"].mean() - 1.0)
+        words = ", ".join(f"{name} {value}" for name, value in ground.items())
+        parts = shown(mean(rates[0])), shown(mean(rates[1])), shown(paired_difference(rates[1], rates[0]))
+        table.add_row(words, *parts, f"{cycle:+.2f}")
+        Console().print(words, *parts, f"{cycle:+.2f}")
+    return table
+
+
+def cameras(options: argparse.Namespace) -> Table:
+    """Rendered cameras against statistical ones, both with the analytic executor."""
+    kinds = {name: {"backend": "analytic", "perception": name} for name in ("model", "camera")}
+    return compared(options, kinds, CONDITIONS)
+
+
+def backends(options: argparse.Namespace) -> Table:
+    """PyBullet against the analytic executor, both with statistical cameras."""
+    kinds = {name: {"backend": name, "perception": "model"} for name in ("analytic", "pybullet")}
+    return compared(options, kinds, [{"iso_class": iso_class} for iso_class in ("A", "B", "C", "D")])
+
+
+COMMANDS = {"worth": worth, "profile": profile, "cameras": cameras, "backends": backends}
+
+
+def main() -> None:
+    """Play and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=COMMANDS)
+    parser.add_argument("--fields", type=int, default=24)
+    parser.add_argument("--strip", type=float, help="length of the fields in metres")
+    parser.add_argument("--scenario", default="load-1.0", choices=SCENARIOS)
+    parser.add_argument("--policy", default="edf")
+    options = parser.parse_args()
+    if options.fields < 1:
+        parser.error(f"--fields {options.fields}: give at least 1")
+    Console(width=150).print(COMMANDS[options.what](options))
+
+
+if __name__ == "__main__":
+    main()
