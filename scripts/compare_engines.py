@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -291,6 +292,8 @@ def main(
     write: Annotated[Path | None, typer.Option(help="Folder for the machines' MJCF files.")] = None,
 ) -> None:
     """Set MuJoCo beside the closed form and PyBullet."""
+    if find_spec("mujoco") is None:
+        raise typer.BadParameter('MuJoCo is not installed: pip install "fieldgym[test]"')
     console = Console()
     table = Table("Machine", "Loop, mm", "Path, mm", "MuJoCo - PyBullet, mm", "Cycle, %", "Peak effort, %")
     for name in machines.split(","):

@@ -87,7 +87,7 @@ def _add_tree(
     bodies[robot.links[0].name] = base
     links = {link.name: link for link in robot.links}
     for joint in robot.joints:
-        body = _body(bodies[joint.parent], links[joint.child], joint.xyz_m, _quaternion(joint.rpy_rad))
+        body = _body(bodies[joint.parent], links[joint.child], joint.xyz_m, quaternion(joint.rpy_rad))
         bodies[joint.child] = body
         if joint.kind != "fixed":
             _add_joint(body, joint, damping.get(joint.name, 0.0))
@@ -129,14 +129,14 @@ def _geom(part: Part) -> ElementTree.Element:
         type=kind,
         size=_numbers(size),
         pos=_numbers(part.xyz_m),
-        quat=_numbers(_quaternion(part.rpy_rad)),
+        quat=_numbers(quaternion(part.rpy_rad)),
         rgba=_numbers(colour),
         contype="0",
         conaffinity="0",
     )
 
 
-def _quaternion(rpy_rad: ArrayLike) -> np.ndarray:
+def quaternion(rpy_rad: ArrayLike) -> np.ndarray:
     """Unit quaternion (w, x, y, z) of URDF's fixed-axis roll, pitch, yaw."""
     half = 0.5 * np.asarray(rpy_rad, dtype=np.float64)
     (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fieldgym.scripts import compare_engines
-from fieldgym.simulation.mjcf import to_mjcf
+from fieldgym.simulation.mjcf import quaternion, to_mjcf
 from fieldgym.simulation.urdf import rotation_matrix
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'fieldgym[test]'")
@@ -73,6 +73,10 @@ def test_turned_parts_are_turned_alike():
         mujoco.mju_quat2Mat(turn, model.geom(first + number).quat)
         np.testing.assert_allclose(turn.reshape(3, 3), rotation_matrix(part.rpy_rad), atol=1e-9)
         np.testing.assert_allclose(model.geom(first + number).pos, part.xyz_m, atol=1e-9)
+    for rpy in np.random.default_rng(0).uniform(-3.0, 3.0, (20, 3)):
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, quaternion(rpy))
+        np.testing.assert_allclose(turn.reshape(3, 3), rotation_matrix(rpy), atol=1e-12)
     text = ElementTree.fromstring(to_mjcf(assembly, 1e-3))
     assert len(text.findall(".//connect")) == 3 and text.get("model") == "weeder"
 

@@ -66,6 +66,8 @@ def test_model_errors_are_corrected_and_singular_cases_refuted(findings: dict[st
     for item in ("Eqs 10, 16 in case 1", "Eqs 10, 16 in case 2", "Eq. 17 in case 1", "Text on Fig. 5, stability"):
         assert findings[item] is Verdict.REFUTED
     assert findings["Eq. 17 in case 2, t > 0"] is Verdict.REPRODUCED
+    right = [item for item in findings if item.startswith(tuple(f"Eq. {n}," for n in (5, 6, 7, 8, 11, 12, 13)))]
+    assert len(right) == 7 and {findings[item] for item in right} == {Verdict.REPRODUCED}
 
 
 def test_a_leg_out_of_order_would_be_refuted() -> None:
