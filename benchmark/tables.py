@@ -93,13 +93,13 @@ def field_columns(rows: Sequence[Row]) -> tuple[Column, ...]:
     unit, kills = rates.unit_of(where), rates.rates_of(where).loss_percent != ""
     columns = (
         Column("net rate, %", "net_rate", 100.0, 2),
-        Column(f"{unit} an hour", rates.WORK, 1.0, 4 if unit == rates.HECTARES else 1),
-        Column("demand met, % of fields", rates.MET, 100.0, 1),
-        Column(f"{unit} an hour where met", rates.ACCEPTED, 1.0, 4),
-        Column("killed a second" if kills else "done a second", rates.EACH_S, 1.0, 3),
-        Column("J a kill" if kills else "J each", rates.EACH_J, 1.0, 1),
-        Column("kWh a hectare", rates.AREA_KWH, 1.0, 2),
-        Column("crop loss, %", rates.LOSS, 1.0, 3),
+        Column(f"{unit}/h", rates.WORK, 1.0, 4 if unit == rates.HECTARES else 1),
+        Column("demand met, %", rates.MET, 100.0, 1),
+        Column(f"{unit}/h where met", rates.ACCEPTED, 1.0, 4),
+        Column("kills/s", rates.EACH_S, 1.0, 2) if kills else Column("done/s", rates.EACH_S, 1.0, 3),
+        Column("J a kill", rates.EACH_J, 1.0, 0) if kills else Column("J each", rates.EACH_J, 1.0, 1),
+        Column("kWh/ha", rates.AREA_KWH, 1.0, 1),
+        Column("crop loss, %", rates.LOSS, 1.0, 2),
     )
     told = tuple(column for column in columns if any(column.cell(row)[0] != "-" for row in rows))
     return told if any(column.name == rates.WORK for column in told) else ()

@@ -326,3 +326,21 @@ def test_suites_cover_every_environment_with_its_reference():
             assert [e.seed for e in case.episodes() if e.timeline] == [case.seeds[0]] * len(case.policies)
     with pytest.raises(ValueError, match="no suite is called 'medium'"):
         suites.suite("medium")
+
+
+def test_what_a_grower_reads_fits_a_hundred_characters():
+    from rich.console import Console
+
+    where = Condition("fieldgym/LaserWeedingSpeed-v0", "load-1.25", "analytic", "model")
+    card = {"throughput_per_min": 50.0, "done": 70.0, "joules_per_weed": 120.0, "crop_loss_percent": 1.0}
+    card |= {"duration_s": 84.0, "cycle_time_s": 1.2, "phase_move_s": 20.0, "net_rate": 0.6}
+    records = [
+        {**record("hold-backlog-0.65", seed, 0.6, 1.2, where), "scorecard": {**card, "ha_per_h": 0.0141 + 0.001 * seed}}
+        for seed in range(6)
+    ]
+    rows = tables.summarise(records, [Case(where, ("hold-backlog-0.65",), "constant-1", tuple(range(6)))])
+    console = Console(width=100, record=True, file=io.StringIO())
+    console.print(tables.terminal_tables(rows, 100)[1])
+    text = console.export_text()
+    assert all(word in text for word in ("ha/h", "kills/s", "J a kill", "kWh/ha", "crop loss, %", "0.83", "1.00"))
+    assert max(map(len, text.splitlines())) <= 100

@@ -78,7 +78,7 @@ def test_rates_add_up(env_id: str):
         assert derived[rates.LOSS] == card["crop_loss_percent"]
     [row] = tables.summarise([record], suites.suite("full").cases)
     shown = [column.title for column in tables.field_columns([row])]
-    assert f"{told.unit} an hour" in shown and len(shown) == (6 if told.unit == "ha" else 4)
+    assert f"{told.unit}/h" in shown and len(shown) == (6 if told.unit == "ha" else 4)
 
 
 @pytest.mark.parametrize("name", ["LaserWeeding", "HoeWeeding"])

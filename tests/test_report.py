@@ -372,7 +372,7 @@ def test_leaderboard_ranks_by_return_and_has_the_tables_figures(study: reader.St
         part = text.split(f"## {sections.name_of(item.task.id)}\n")[1].split("\n## ")[0]
         part, _, field = part.partition("In the field:")
         unit = {"SafflowerPicking-v0": "m of row", "ProduceSorting-v0": "items"}[item.task.name]
-        assert f"| {unit} an hour |" in field
+        assert f"| {unit}/h |" in field
         lines = [line.split(" | ") for line in part.splitlines() if re.match(r"\| \d", line)]
         names = [line[1].strip("*") for line in lines]
         order = sorted(item.headline.rows, key=lambda row: -row.scores["return"].value)

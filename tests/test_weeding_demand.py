@@ -66,5 +66,5 @@ def test_a_field_that_misses_the_demand_counts_as_no_work():
     case = Case(where, ("hold-backlog-0.65", "constant-1.5"), "hold-backlog-0.65", (3, 4))
     slow, fast = tables.summarise(records, [case])
     shown = {column.title: column.cell(fast)[0] for column in tables.field_columns([slow, fast])}
-    assert shown["demand met, % of fields"] == "0.0" and shown["ha an hour where met"] == "0.0000"
+    assert shown["demand met, %"] == "0.0" and shown["ha/h where met"] == "0.0000"
     assert np.isclose(slow.scores[rates.ACCEPTED].value, slow.scores["ha_per_h"].value)
