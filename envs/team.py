@@ -19,8 +19,8 @@ class Team:
     """Shares of a batch's worlds, one a thread; the caller's thread takes the first.
 
     A share's rules work on a slice of the batch's own arrays, and what is done in a world depends on no other: numbers
-    do not depend on how many threads there are. Kernels let go of Python while they run; what Python itself does, such
-    as the drawing of fields, goes on one after the other.
+    do not depend on how many threads there are. Kernels let go of Python while they run, those that draw strips and put
+    them in place too; what Python itself does goes on one after the other.
     """
 
     def __init__(self, threads: Any, core: TaskCore[Any, Any], sees: bool):

@@ -22,6 +22,8 @@ from fieldgym.scripts.growth_measures import Growth, growths
 
 BUSY = 1.5
 """Load average from which on a page says that its figures are not a quiet machine's."""
+BY_HAND = "\n## What is missed, and where the time goes\n"
+"""Heading of what people wrote behind the curves; it is kept."""
 _INTRODUCTION = """# How cost grows
 
 What one more of something costs, measured by `python scripts/growth.py` (it goes on where it was stopped; `--fresh`
@@ -94,6 +96,12 @@ def page(figures: dict[str, Any], sections: dict[str, Growth]) -> str:
     return "".join(parts)
 
 
+def by_hand(text: str) -> str:
+    """What of the page's text was not measured here: the section on what is missed, to its end."""
+    _, found, rest = text.partition(BY_HAND)
+    return found + rest
+
+
 def main() -> None:
     """Measure what is missing, write charts and page after every section."""
     sections = growths()
@@ -126,7 +134,9 @@ def main() -> None:
         chart(growth, measured, folder / f"{name}.svg")
         slopes = {curve: exponent(points) for curve, points in measured.items()}
         console.print(f"{name}: " + ", ".join(f"{k} p = {p:.2f}" for k, p in slopes.items() if p is not None))
-    (options.out / "scaling.md").write_text(page(figures, sections), encoding="utf-8")
+    text = options.out / "scaling.md"
+    written = by_hand(text.read_text(encoding="utf-8")) if text.exists() else ""
+    text.write_text(page(figures, sections) + written, encoding="utf-8")
 
 
 if __name__ == "__main__":

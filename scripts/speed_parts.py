@@ -76,7 +76,7 @@ def profile(quick: bool) -> Iterator[Line]:
     for env_id in env_ids():
         name = env_id.removeprefix("fieldgym/").removesuffix("-v0")
         for worlds in (1, 64, 1024):
-            parts = parts_of(env_id, worlds, max(60 if quick else 200, 1_000 // worlds))
+            parts = parts_of(env_id, worlds, max(250 if quick else 600, 1_000 // worlds))
             yield Line(f"{name}, batch of {worlds:,}", parts.whole, "us a step", note=str(parts))
 
 
