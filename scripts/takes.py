@@ -96,7 +96,7 @@ def _hoe() -> Iterator[Take]:
     view = _made("HoeWeeding", "dense").view
     scene = view.camera_scene()
     view.show_strip(scene)
-    yield _camera("hoe's front camera, dense", 0.8, scene, lambda: scene.look_front(1.0))
+    yield _camera("hoe's front camera, dense", 0.8, scene, lambda: scene.look_front(-0.2))
     view.frame()
     yield _people("hoe weeding, dense", view._stage)
 
