@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .core import Array, OutcomeT, Page, PlanT, Rows
+from .core import Array, OutcomeT, PlanT, Rows
 from .drives import DriveLuck, Servos, draw_luck, whole_luck
 from .field import FieldT
 from .kernel_core import KernelCore
@@ -32,7 +31,8 @@ class ErringCore(KernelCore[PlanT, OutcomeT]):
 
     def _drive(self, servos: Servos) -> None:
         """Take the errors of the machine's drives."""
-        self.servos, self.errs = servos, servos.on
+        self.servos = servos
+        self.errs = self.stepwise = servos.on
         self.drive_luck = np.zeros((self.worlds, len(servos.encoder) if self.errs else 0))
 
     @property
@@ -43,21 +43,6 @@ class ErringCore(KernelCore[PlanT, OutcomeT]):
     def tool_error(self, plan: PlanT) -> Array:
         """Where the tool really is at its work less where it was sent, (B, coordinates); of a machine that errs."""
         raise NotImplementedError
-
-    @property
-    def planned(self) -> PlanT:
-        """See ``TaskCore.planned``."""
-        return self._planned if self.errs else super().planned
-
-    def decide(self, actions: NDArray[np.int64], page: Page | None = None) -> Page:
-        """See ``TaskCore.decide``."""
-        if not self.errs:
-            return super().decide(actions, page)
-        plan = self.plan(actions)
-        page = self.booked(self.apply(plan, self.nominal(plan)), page)
-        # Laying the desk for what is shown makes a plan too.
-        self._planned: Any = plan
-        return page
 
     def draw_luck(self, generators: Sequence[np.random.Generator]) -> Array | None:
         """Luck of the machines that play drawn fields, before anything else is drawn; None without errors."""

@@ -28,9 +28,11 @@ class KernelCore(TaskCore[PlanT, OutcomeT]):
         deciding: kernel (desk, rows, actions, machine, candidates, mask, numbers, terminated, truncated) behind
             ``decide``; the arrays are those of a ``Page``, the rows all worlds.
         showing: kernel (desk, rows, machine, candidates, mask, numbers) behind ``show``.
+        stepwise: whether decisions take their steps one by one, because not all of them are kernels.
     """
 
     state: Any
+    stepwise = False
     deciding: ClassVar[Callable[..., None]]
     showing: ClassVar[Callable[..., None]]
 
@@ -71,13 +73,22 @@ class KernelCore(TaskCore[PlanT, OutcomeT]):
     @property
     def planned(self) -> PlanT:
         """See ``TaskCore.planned``."""
-        return self._planned if self._desk is None else planned(self._desk)
+        return self._planned if self.stepwise or self._desk is None else planned(self._desk)
 
     def decide(self, actions: NDArray[np.int64], page: Page | None = None) -> Page:
         """See ``TaskCore.decide``."""
+        if self.stepwise:
+            return self._by_steps(actions, page)
         page = self.blank() if page is None else page
         laid = self._lay()
         type(self).deciding(laid, *self._every, actions, *page.observation.values(), *page[1:])
+        return page
+
+    def _by_steps(self, actions: NDArray[np.int64], page: Page | None) -> Page:
+        plan = self.plan(actions)
+        page = self.booked(self.apply(plan, self.nominal(plan)), page)
+        # Laying the desk for what is shown makes a plan too.
+        self._planned = plan
         return page
 
     def show(self, rows: Rows | None = None, page: Page | None = None) -> Page:
