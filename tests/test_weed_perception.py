@@ -275,6 +275,7 @@ def test_bodies_are_an_opening_of_the_whole_mask():
     for x, y, radius in ((0, 20, 16), (60, 60, 14), (90, 64, 12), (199, 159, 22), (140, 20, 8), (30, 130, 11)):
         cv2.circle(mask, (x, y), radius, 1, -1)
     mask = tapered(mask, (60, 60), (120, 140), 7)
+    mask[100:131, 150:181] = 1
     deep = cv2.distanceTransform(mask, cv2.DIST_L2, 5)
     expected = (cv2.distanceTransform((deep < 7.3).astype(np.uint8), cv2.DIST_L2, 5) < 7.3).astype(np.uint8)
     found = np.zeros_like(mask)
