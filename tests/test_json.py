@@ -23,6 +23,9 @@ VALUES: dict[str, Any] = {
     "depth": True,
     "slots": 5,
     "motion": "blended",
+    "camera": "overview",
+    "width": 320,
+    "height": 200,
 }
 """Keywords of which every task takes the same value."""
 
@@ -55,7 +58,7 @@ def test_a_specification_goes_to_json_and_back_with_every_keyword(env_id: str, k
     told = first.spec.to_json()
     assert keyword in json.loads(told)["kwargs"]
     second: Any = gym.make(EnvSpec.from_json(told))
-    for name in ("scenario", "backend", "perception", "render_mode"):
+    for name in ("scenario", "backend", "perception", "render_mode", "shot"):
         assert getattr(second.unwrapped, name) == getattr(first.unwrapped, name)
     assert second.unwrapped.core.config == first.unwrapped.core.config
     assert second.observation_space == first.observation_space
