@@ -121,7 +121,9 @@ def test_no_policy_beats_the_bound(scenario, no_policy_beats):
     driven = [bounds.instance(ID, seed, **settings).bound() for seed in SEEDS]
     for strays, drawn in zip(driven, found, strict=True):
         assert strays.net_rate >= drawn.net_rate and strays.episode_return >= drawn.episode_return - EXACT
-        assert not strays.proven and drawn.gap < 0.03
+        assert not strays.proven
+        # The work of drives that err may be done anywhere: their bound is one of any reports too, and proves no gap.
+        assert drawn.gap < 0.03 if scenario != "field" else not drawn.proven and np.isnan(drawn.gap)
 
 
 @pytest.mark.parametrize("scenario", ["load-0.7", "load-1.6"])

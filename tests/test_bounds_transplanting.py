@@ -111,7 +111,9 @@ def test_no_policy_beats_the_bound(scenario, no_policy_beats):
     for any_reports, drawn in zip(loose, found, strict=True):
         assert any_reports.net_rate >= drawn.net_rate - EXACT
         assert any_reports.episode_return >= drawn.episode_return - EXACT
-        assert not any_reports.proven and drawn.gap < 0.06
+        assert not any_reports.proven
+        # The work of drives that err may be done anywhere: their bound is one of any reports too, and proves no gap.
+        assert drawn.gap < 0.06 if scenario != "field" else not drawn.proven and np.isnan(drawn.gap)
 
 
 @pytest.mark.slow
