@@ -53,6 +53,7 @@ NOT_RUN = {
     ".ci/run": "is what runs these tests",
     "python scripts/speed.py": "measures for minutes; tests run its sections",
     "python scripts/growth.py": "measures for hours; tests run its parts",
+    "python -m fieldgym.scripts.compare_renderers": "measures for minutes; test_compare_renderers runs it on a camera",
     "python -m rl_zoo3.train": "needs an environment of its own: it pins another Gymnasium",
     "python3.11 -m venv rllib": "likewise, for RLlib",
     "rllib/bin/": "likewise",

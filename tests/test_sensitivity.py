@@ -24,6 +24,7 @@ from fieldgym.scripts import cli
 
 SORTER = "fieldgym/ProduceSorting-v0"
 HOE = "fieldgym/HoeWeeding-v0"
+OWN = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
 
 
 def small(env_id: str, *names: str) -> Dossier:
@@ -35,12 +36,12 @@ def small(env_id: str, *names: str) -> Dossier:
 
 
 def test_every_task_has_a_dossier():
-    assert dossier_ids() == env_ids()
+    assert dossier_ids() == OWN
     with pytest.raises(ValueError, match="no assumptions are listed for 'x/Y-v0': choose one of fieldgym/Safflower"):
         dossier("x/Y-v0")
 
 
-@pytest.mark.parametrize("env_id", env_ids())
+@pytest.mark.parametrize("env_id", OWN)
 def test_every_end_is_allowed_and_another_than_the_present_value(env_id: str):
     parts = task(env_id).assembly
     config = parts.configured()
@@ -195,7 +196,7 @@ def test_presets_are_sets_of_overrides_and_single_numbers_win():
         configured(preset="comercial")
 
 
-@pytest.mark.parametrize("env_id", env_ids())
+@pytest.mark.parametrize("env_id", OWN)
 def test_every_preset_is_allowed(env_id: str):
     parts = task(env_id).assembly
     assert parts.presets
