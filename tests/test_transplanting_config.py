@@ -113,7 +113,7 @@ def test_millimetres_are_no_metres(name):
         value = getattr(value, part)
     if np.isfinite(value):
         with pytest.raises(ConfigError, match=name.split(".")[-1]):
-            override(config, {name: 1e3 * value})
+            override(config, {name: 1e3 * (value or 1e-3)})
 
 
 def test_slow_machines_and_short_limits_are_shown_at_the_end_of_the_space():
