@@ -28,9 +28,9 @@ from fieldgym.envs.weeding.tools.hoe.process import (
     HoeProcessConfig,
     Stir,
     circle_s,
-    covered_share,
     crop_loss,
 )
+from fieldgym.kernels.discs import covered_share
 from fieldgym.motion import QUINTIC
 
 ENV_ID = "fieldgym/HoeWeeding-v0"
@@ -174,7 +174,7 @@ def test_a_stir_takes_move_plunge_turn_and_lift_while_the_cart_drives_on():
     elapsed = move + wait + plunge + stir + lift
     assert core.state.cart[0] == pytest.approx(cart + core.config.speed_m_s * elapsed)
     # 22 mm over the whole root zone against a tolerance of 10 mm; reward terms by hand.
-    assert result.rewards[0] == pytest.approx([1.0, 0.0, -0.05 * elapsed, -0.0005 * HOE.energy_j[NORMAL]])
+    assert result.rewards[0] == pytest.approx([1.0, 0.0, -0.05 * elapsed, -0.0005 * HOE.energy_j[NORMAL], 0.0])
     scores = dict(zip(core.score_names, core.scores()[0], strict=True))
     assert scores["net_rate"] == 0.5 and scores["cycle_time_s"] == pytest.approx(begun + elapsed)
     assert scores["joules_per_weed"] == pytest.approx(HOE.energy_j[NORMAL])

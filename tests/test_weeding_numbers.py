@@ -3,7 +3,7 @@ both tools on a grid against their written formulas."""
 
 from dataclasses import replace
 from itertools import product
-from math import acos, exp, hypot, pi, sqrt
+from math import acos, exp, hypot, log, pi, sqrt
 from typing import Any
 
 import gymnasium as gym
@@ -107,6 +107,7 @@ class Log:
         self.core, self.time, self.cart = core, 0.0, -core.config.cart.start_m
         self.killed = self.crops = self.illegal = self.shots = self.blanks = self.joules = 0.0
         self.last_shot = self.last_kill = 0.0
+        self.leaves, self.dead = np.zeros(len(core.field.crops)), np.zeros(len(core.field.crops), bool)
         self.phases = dict.fromkeys(core.phase_names, 0.0)
 
     def add(self, plan, result):
@@ -126,6 +127,7 @@ class Log:
             joules = float(self.core.process.energy_j[kind])
             assert rewards["energy"] == pytest.approx(-0.0005 * joules)
             self.shots, self.joules, self.last_shot = self.shots + 1.0, self.joules + joules, self.time
+            self.strip(plan.aim[0], kind)
             self.blanks += self.core.field.reports.behind[plan.track[0]] == 0
             if rewards["killed"]:
                 self.last_kill = self.time
@@ -133,6 +135,23 @@ class Log:
             self.illegal += 1.0
         if kind >= 3:
             assert rewards["killed"] == rewards["crop"] == rewards["energy"] == 0.0
+        assert rewards["leaves"] == 0.0
+
+    def strip(self, aim, mode):
+        """Leaves of living crop plants, over discs of 55 mm, within the burnt or stirred disc."""
+        crops, process = self.core.field.crops, self.core.config.process
+        if hasattr(process, "dose_j"):
+            w = process.spot_radius_m
+            hit = w * sqrt(0.5 * log(2.0 * process.dose_j[mode] / (pi * w * w) / process.leaf_tolerance_j_m2))
+        else:
+            hit = process.stir_radius_m[mode] + process.blade_radius_m
+        for i, (along, across) in enumerate(zip(crops.along_m, crops.across_m, strict=True)):
+            off = float(along - aim[0]), float(across - aim[1])
+            if not self.dead[i] and 0.0 <= along <= self.core.config.scenario.strip_m:
+                share = lens_m2(hit, 0.055, hypot(*off)) / (pi * 0.055**2)
+                self.leaves[i] = min(self.leaves[i] + share, 1.0)
+        state, end = self.core.state, self.core.weeds_end
+        self.dead = (state.plant_dose[0, end:] >= state.plant_tolerance[0, end:])[: len(crops)]
 
     def scores(self):
         field, config = self.core.field, self.core.config
@@ -149,6 +168,7 @@ class Log:
             "illegal": self.illegal,
             **{f"phase_{name}_s": seconds for name, seconds in self.phases.items()},
             "crop_loss_percent": 100.0 * self.crops / inside,
+            "leaf_loss": self.leaves.sum() / inside,
             "joules_per_weed": self.joules / some,
             "ha_per_h": 3600.0 * (self.cart + config.cart.start_m) * config.scenario.band_m / self.time / 1e4,
             "shots": self.shots,

@@ -79,7 +79,7 @@ def test_a_shot_takes_move_correction_and_burn_and_the_cart_drives_on():
     assert abs(plan.target[0, 0] - core.state.cart[0]) <= REACH.travel_m + 1e-9
     # 75 J centred kill a tolerance of 20 J; reward terms by hand.
     elapsed = move + wait + 0.05 + 0.375
-    assert result.rewards[0] == pytest.approx([1.0, 0.0, -0.05 * elapsed, -0.0005 * 75.0])
+    assert result.rewards[0] == pytest.approx([1.0, 0.0, -0.05 * elapsed, -0.0005 * 75.0, 0.0])
     scores = dict(zip(core.score_names, core.scores()[0], strict=True))
     assert scores["net_rate"] == 0.5 and scores["missed"] == 1.0 and scores["joules_per_weed"] == 75.0
     assert scores["cycle_time_s"] == pytest.approx(waited + elapsed)

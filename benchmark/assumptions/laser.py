@@ -218,7 +218,7 @@ LASER = Dossier(
         "(4-10 x 2-5, 5-25 mm, SLU): smaller ones merge less and are missed more; the cameras would have to be fitted "
         "anew.",
         "Distance of the rows and kind of the crop change pictures alone, not the tracks' model.",
-        "Crop leaves cannot be hurt, only growing points.",
+        "Crop leaves that a shot burns count in `leaf_loss` alone; in the scenario `field` they cost reward too.",
     ),
 )
 

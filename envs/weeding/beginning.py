@@ -49,6 +49,7 @@ def begin_worlds(
     for r, w in enumerate(rows):
         worlds.weeds[w], worlds.crops_in_strip[w] = 0.0, 0.0
         fill(worlds.plant_dose[w], 0.0)
+        fill(worlds.leaf_lost[w], 0.0)
         put_weeds(response, worlds, looks, w, plants, r)
         put_crops(tables, response, worlds, looks, w, plants, r)
         looks.ground[w] = plants.ground_look[r]

@@ -20,6 +20,9 @@ from .ground_config import GroundConfig
 STAGES = ("cotyledon", "two-leaf", "four-leaf")
 SPECIES = ("broadleaf", "grass")
 
+LEAF_M = {"beet": 0.055, "maize": 0.090}
+"""Length of a crop plant's leaves as they are drawn [assumed]."""
+
 SPEEDS_M_S = (0.001, 3.0)
 """A scenario's own speed lies between these."""
 
@@ -46,7 +49,7 @@ class ScenarioConfig(Config):
     row_m: float = num(0.40, 0.05, 3.0, "m")
     """Distance of the crop rows [published range 0.3-0.5]."""
     crop: Literal["beet", "maize"] = choice("beet", ("beet", "maize"))
-    """``"beet"`` (a rosette) or ``"maize"`` (an upright grass): looks only."""
+    """``"beet"`` (a rosette) or ``"maize"`` (an upright grass): looks, and how far its leaves reach."""
     crop_pitch_m: float = num(0.16, 0.01, 5.0, "m")
     """Distance of the crop plants in a row [assumed]."""
     crop_missing: float = num(0.0, 0.0, 0.95, "")
@@ -57,6 +60,11 @@ class ScenarioConfig(Config):
     """From patch to patch [assumed]."""
     crop_jitter_m: tuple[float, float] = num((0.015, 0.008), 0.0, 0.5, "m")
     """Standard deviation of their places along and across the row [published range 10-20 mm along; assumed across]."""
+    leaf_radius_m: float | None = num(None, 0.001, 0.5, "m")
+    """Radius of the disc about a crop plant's stem over which its leaves spread evenly; None: as the crop is drawn, 55
+    mm for beet, 90 mm for maize [assumed]."""
+    leaves_count: bool = flag(False)
+    """Whether leaves that crop plants lose cost anything."""
     grass_share: float = num(0.30, 0.0, 1.0, "")
     """Share of grasses among the weeds [assumed]."""
     stage_shares: tuple[float, float, float] = num((0.40, 0.45, 0.15), 0.0, 1.0, "")
@@ -78,6 +86,11 @@ class ScenarioConfig(Config):
         expected = self.density_per_m2 * self.strip_m * self.band_m
         if self.max_weeds < expected:
             self.refuse("max_weeds", f"the strip holds {expected:.0f} weeds on average, give at least as many")
+
+    @property
+    def leaf_m(self) -> float:
+        """How far a crop plant's leaves reach."""
+        return LEAF_M[self.crop] if self.leaf_radius_m is None else self.leaf_radius_m
 
     @property
     def crops(self) -> int:
@@ -106,13 +119,13 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "load-1.6-even": ScenarioConfig(40.0, 1.6, clumped=0.0),
     "dense": ScenarioConfig(100.0, 1.0, strip_m=1.6),
     "patchy": ScenarioConfig(40.0, 1.25, crop_missing=0.25, patch_contrast=20.0),
-    "field": ScenarioConfig(40.0, 1.25, drives=WORN, ground=TILLED),
+    "field": ScenarioConfig(40.0, 1.25, leaves_count=True, drives=WORN, ground=TILLED),
 }
 """Tiers by offered load at 40 weeds per m2 (an ordinary infestation), clumped unless they say ``even``; ``dense`` has
 100 per m2 on a shorter strip, driven as slowly as its load of 1.0 asks. ``patchy`` is ``load-1.25`` where a quarter of
 the crop did not emerge and weeds stand in patches of metres, as field papers map them, at the same density. ``field``
 is ``load-1.25`` with a machine that has worked for a season, on ground that is no plane: nobody exchanges screws and
-calibrates encoders before every field."""
+calibrates encoders before every field. There leaves count too."""
 
 DEMANDS: dict[str, ScenarioConfig] = {
     "demand-0.90": ScenarioConfig(40.0, 1.25, demanded=0.90),
@@ -179,6 +192,9 @@ class RewardWeights(Config):
     """About a tenth of what a second of work earns at load 1 [assumed]."""
     joules: float = num(-0.0005, -1000.0, 1000.0, "1/J")
     """A normal dose costs 4 % of a weed [assumed]."""
+    leaves: float = num(-1.0, -1000.0, 0.0, "")
+    """For all leaves of a crop plant that lives; what burns or is stirred costs its share, where the scenario's
+    ``leaves_count`` says so [assumed: a fifth of a plant that dies]."""
 
 
 @dataclass(frozen=True)

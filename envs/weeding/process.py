@@ -28,7 +28,10 @@ class WeedingProcess(Protocol):
 
     @property
     def work(self) -> Any:
-        """Numbers for ``dose``; beyond their ``reach_m`` the work does nothing."""
+        """Numbers for ``dose``; beyond their ``reach_m`` the work does nothing to growing points and roots.
+
+        Within their ``leaf_m[mode]`` of the work's middle leaves are lost.
+        """
         ...
 
     work_s: Array

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...kernels import compiled
+from ...kernels.discs import covered_share
 from ..core import Array, StepResult
 from .process import dose
 from .shaken import carried_on, corrected, deeper, worked
@@ -117,11 +118,12 @@ def apply_worlds(
             along, across, share = hit[w, G.along], hit[w, G.across], 1.0
             if worlds.surface.shape[1] > 0:
                 share = deeper(tables, worlds, w, plan.speed[w], phases_s[w], kind, along, across)
-            killed, crops = treat(tables, work, worlds, w, kind, plan.track[w], along, across, share)
+            killed, crops, leaves = treat(tables, work, worlds, w, kind, plan.track[w], along, across, share)
             counted = counted_kills(tables, worlds.weeds[w], totals[T.killed], killed)
             rewards[w, R.killed] = counted * tables.weights[R.killed]
             rewards[w, R.crop] = crops * tables.weights[R.crop]
             rewards[w, R.energy] = tables.energy_j[kind] * tables.weights[R.energy]
+            rewards[w, R.leaves] = leaves * tables.weights[R.leaves]
             worlds.slot_track[w, plan.slot[w]] = empty
         elif kind == NOTHING:
             totals[T.illegal] += 1.0
@@ -167,8 +169,10 @@ def treat(
     along_m: float,
     across_m: float,
     share: float,
-) -> tuple[float, float]:
-    """Work on a place and whatever grows within the tool's reach of it; gives the weeds and crop plants that die.
+) -> tuple[float, float, float]:
+    """Work on a place and whatever grows within the tool's reach of it.
+
+    Gives the weeds and crop plants that die, and the leaf area that crop plants lose, in whole plants.
 
     ``share`` is what the ground leaves of the dose, 1 where it is a plane.
     """
@@ -184,9 +188,12 @@ def treat(
         behind += 1
     killed = strike(work, plant, doses, limits, kinds, mode, before + 1, behind, along_m, across_m, share)
     crop = tables.weeds_end + worlds.track_near[w, track, N.crop]
+    # Leaves of a plant that dies go with it: what they lose is counted while it lives.
+    leaves = strip_leaves(tables, work.leaf_m[mode], worlds, w, crop, along_m, across_m)
     crops = strike(work, plant, doses, limits, kinds, mode, crop - 1, crop + 2, along_m, across_m, share)
     totals[T.killed] += killed
     totals[T.crop] += crops
+    totals[T.leaves] += leaves
     totals[T.shots] += 1.0
     totals[T.joules] += tables.energy_j[mode]
     totals[T.last_shot] = totals[T.time]
@@ -194,7 +201,37 @@ def treat(
         totals[T.last_kill] = totals[T.time]
     if not worlds.track_real[w, track]:
         totals[T.blanks] += 1.0
-    return killed, crops
+    return killed, crops, leaves
+
+
+@compiled
+def strip_leaves(
+    tables: Tables, hit_m: float, worlds: Worlds, w: int, crop: int, along_m: float, across_m: float
+) -> float:
+    """Take the leaves within ``hit_m`` of a place off the crop plants about ``crop``; gives what that was, in plants.
+
+    Leaves spread evenly over a disc about the stem, so that a plant loses the share of its disc that is hit. Shares
+    add up to all of a plant at most; where works lie over one another they count twice until then.
+    """
+    plant, first, end = worlds.plant[w], tables.weeds_end, worlds.plant.shape[1]
+    lost, reach_m = 0.0, hit_m + tables.leaf_m
+    # Crop plants are sorted along: from the nearest to both sides, as far as leaves reach.
+    before = crop
+    while before >= first and along_m - plant[before, G.along] < reach_m:
+        before -= 1
+    behind = crop + 1
+    while behind < end and plant[behind, G.along] - along_m < reach_m:
+        behind += 1
+    for i in range(before + 1, behind):
+        # Plants beyond the strip's ends, and places where none stands, take any dose.
+        if not worlds.plant_dose[w, i] < worlds.plant_tolerance[w, i] < math.inf:
+            continue
+        along, across = plant[i, G.along] - along_m, plant[i, G.across] - across_m
+        share = covered_share(hit_m, tables.leaf_m, math.sqrt(along * along + across * across))
+        before_share = worlds.leaf_lost[w, i - first]
+        worlds.leaf_lost[w, i - first] = min(before_share + share, 1.0)
+        lost += worlds.leaf_lost[w, i - first] - before_share
+    return lost
 
 
 @compiled

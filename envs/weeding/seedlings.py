@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...rendering.shapes import Mesh, flat_shaded, merged, rotation_z, turned
+from .config import LEAF_M
 
 
 def blade(
@@ -56,5 +57,5 @@ def weed_mesh(species: int, stage: int) -> Mesh:
 def crop_mesh(kind: str) -> Mesh:
     """Crop plant: a beet's rosette or a young maize."""
     if kind == "beet":
-        return rosette(blade(0.055, 0.030, 0.030, 0.005, 6), 6, 2.399, 0.0, 0.008)
-    return rosette(blade(0.090, 0.016, 0.080, 0.010, 6), 4, 0.9 * np.pi, 0.0, 0.012)
+        return rosette(blade(LEAF_M[kind], 0.030, 0.030, 0.005, 6), 6, 2.399, 0.0, 0.008)
+    return rosette(blade(LEAF_M[kind], 0.016, 0.080, 0.010, 6), 4, 0.9 * np.pi, 0.0, 0.012)

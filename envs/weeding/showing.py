@@ -92,6 +92,7 @@ def score_worlds(tables: Tables, worlds: Worlds, rows: NDArray[np.int64], number
         for phase in range(phases):
             score[len(S) + phase] = worlds.phases_s[w, phase]
         score[own + OWN.crop_loss_percent] = 100.0 * of[T.crop] / max(worlds.crops_in_strip[w], 1.0)
+        score[own + OWN.leaf_loss] = of[T.leaves] / max(worlds.crops_in_strip[w], 1.0)
         score[own + OWN.joules_per_weed] = of[T.joules] / max(killed, 1.0)
         score[own + OWN.ha_per_h] = (worlds.cart[w] + tables.start_m) / time_s * tables.ha_s_per_m_h
         score[own + OWN.shots], score[own + OWN.blank_shots] = shots, of[T.blanks]

@@ -37,6 +37,7 @@ class Totals(NamedTuple):
     time: Annotated[int, Says("s", "simulated time since the episode began")]
     killed: Annotated[int, Says("", "weeds that died")]
     crop: Annotated[int, Says("", "crop plants that died")]
+    leaves: Annotated[int, Says("", "leaf area that living crop plants lost, in whole plants")]
     illegal: Annotated[int, Says("", "actions that were not possible")]
     shots: Annotated[int, Says("", "works on a place")]
     blanks: Annotated[int, Says("", "those at a track without a weed")]
@@ -52,6 +53,7 @@ class Rewards(NamedTuple):
     crop: Annotated[int, Says("", "crop plants that died")]
     time: Annotated[int, Says("s", "seconds")]
     energy: Annotated[int, Says("J", "energy of the work")]
+    leaves: Annotated[int, Says("", "leaf area that living crop plants lost, in whole plants")]
 
 
 class Common(NamedTuple):
@@ -71,6 +73,7 @@ class Own(NamedTuple):
     """The scores behind the phases: those of weeding alone."""
 
     crop_loss_percent: Annotated[int, Says("%", "crop plants of the strip that died")]
+    leaf_loss: Annotated[int, Says("", "mean share of their leaf area that crop plants of the strip lost alive")]
     joules_per_weed: Annotated[int, Says("J", "energy of all works / weeds that died")]
     ha_per_h: Annotated[int, Says("ha/h", "area that the cart has driven over, an hour")]
     shots: Annotated[int, Says("", "works on a place")]
@@ -107,7 +110,7 @@ class Tables(NamedTuple):
         stand_s: (M,), their sums.
         energy_j: (M,).
         pause_s: (2,), what waiting a moment and an illegal action take at least.
-        weights: (4,), of the reward's terms; see ``Rewards``.
+        weights: (5,), of the reward's terms; see ``Rewards``.
         weeds_end: weeds lie before this place of the plants, crop plants behind it.
         start_m: the cart begins this far before the strip.
         strip_m: length of the strip.
@@ -127,6 +130,7 @@ class Tables(NamedTuple):
         depths_m: (M,), how deep the tool works in the ground, by mode.
         shape: of frame and tool on ground that is not level.
         demanded: share of the weeds beyond which kills are worth nothing, 0 where all count.
+        leaf_m: how far a crop plant's leaves reach.
     """
 
     work_s: Array
@@ -153,6 +157,7 @@ class Tables(NamedTuple):
     depths_m: Array
     shape: Shape
     demanded: float
+    leaf_m: float
 
 
 class Worlds(NamedTuple):
@@ -166,6 +171,8 @@ class Worlds(NamedTuple):
     """Dose that kills; infinite where nothing grows."""
     plant_dose: Annotated[Array, shaped("plants")]
     """Dose so far."""
+    leaf_lost: Annotated[Array, shaped("crops")]
+    """Share of a crop plant's leaf area that is lost."""
     weeds: Annotated[Array, shaped()]
     """True weeds of the strip."""
     crops_in_strip: Annotated[Array, shaped()]
@@ -235,6 +242,7 @@ class WeederPlan(NamedTuple):
 def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: float, believes: bool) -> Tables:
     """The tables of a configuration; tracks are used ``delay_s`` after the pictures that they come from."""
     scenario, cart, weights = config.scenario, config.cart, config.weights
+    leaves = weights.leaves if scenario.leaves_count else 0.0
     # A target must stay in reach for the longest correction too.
     spare_s = float(move_time(arm, TOOL_GATE_M, 0.0, TOOL_GATE_M)) if config.looks_after else 0.0
     return Tables(
@@ -242,7 +250,7 @@ def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: flo
         stand_s=process.work_s.sum(axis=1) + spare_s,
         energy_j=np.asarray(process.energy_j, dtype=np.float64),
         pause_s=np.array([cart.moment_s, cart.illegal_s], float),
-        weights=np.array([weights.killed, weights.crop, weights.seconds, weights.joules], float),
+        weights=np.array([weights.killed, weights.crop, weights.seconds, weights.joules, leaves], float),
         weeds_end=scenario.max_weeds + 2 * PAD,
         start_m=float(cart.start_m),
         strip_m=float(scenario.strip_m),
@@ -262,15 +270,24 @@ def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: flo
         depths_m=np.array(config.depths_m, float),
         shape=shape_of(config),
         demanded=float(scenario.demanded),
+        leaf_m=float(scenario.leaf_m),
     )
 
 
 def empty_worlds(config: FieldTask, phases: int, tracks: int, worlds: int) -> Worlds:
     """State of worlds that hold nothing yet, with room for ``tracks`` tracks and sums of ``phases`` phases."""
-    weeds_end = config.scenario.max_weeds + 2 * PAD
-    plants = weeds_end + config.scenario.crops
-    rows = span(config)[1] if config.scenario.ground.uneven else 0
-    sizes = {"plants": plants, "tracks": tracks + 1, "slots": config.slots, "phases": phases, "rows": rows}
+    scenario = config.scenario
+    weeds_end = scenario.max_weeds + 2 * PAD
+    plants = weeds_end + scenario.crops
+    rows = span(config)[1] if scenario.ground.uneven else 0
+    sizes = {
+        "plants": plants,
+        "crops": scenario.crops,
+        "tracks": tracks + 1,
+        "slots": config.slots,
+        "phases": phases,
+        "rows": rows,
+    }
     state = allocated(Worlds, worlds, **sizes)
     state.plant_kind[:, weeds_end:] = CROP_KIND
     return state

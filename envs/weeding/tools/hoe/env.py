@@ -81,11 +81,13 @@ class HoeWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
     - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.unwrapped.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed``, ``crop`` (-5 a crop plant that is lost), ``time``
-    (-0.05 a second), ``energy`` (-0.0005 a joule of work against the soil).
+    (-0.05 a second), ``energy`` (-0.0005 a joule of work against the soil),
+    ``leaves`` (0, in ``"field"`` -1 for all leaves of a crop plant that lives).
 
     **Score**: ``info["scorecard"]``: ``net_rate`` = uprooted / all true weeds of the band, ``cycle_time_s`` = time
     until the last weed was uprooted / weeds uprooted (eq. 34 of the safflower paper), ``shot_time_s`` the same for
-    stirs, ``crop_loss_percent``, ``joules_per_weed``, ``ha_per_h``, phases (move, wait, plunge, stir, lift, pause).
+    stirs, ``crop_loss_percent``, ``leaf_loss``, ``joules_per_weed``, ``ha_per_h``, phases (move, wait, plunge, stir,
+    lift, pause).
 
     Args:
         scenario: tiers by offered load, as in ``fieldgym/LaserWeeding-v0``; the cart's speed follows from the load and

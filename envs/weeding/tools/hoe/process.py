@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from .....kernels import bind, compiled
 from .....kernels.config import Config, num
+from .....kernels.discs import covered_share
 from .....motion import QUINTIC
 from ....columns import Says, numbered
 from ....core import Array
@@ -33,9 +34,6 @@ from ...response import Response
 EXPECTED_SHARE = 0.95
 """Share of the root zone that a stir sweeps at the front camera's and the odometry's error; for choosing
 intensities only."""
-
-TOUCH_M = 1e-9
-"""Discs whose edges are this near to touching from within count as touching: rounding stays out of the lens."""
 
 INTENSITIES = ("gentle", "normal", "deep")
 
@@ -150,13 +148,13 @@ class Stir(NamedTuple):
 
     Attributes:
         depth_m: by intensity.
-        sweep_m: radius of the swept disc, by intensity.
+        leaf_m: radius of the swept disc, by intensity; leaves over it are torn off or buried.
         root_m: radius of the root zone, by kind of plant.
         reach_m: beyond this distance no root zone is touched.
     """
 
     depth_m: tuple[float, float, float]
-    sweep_m: tuple[float, float, float]
+    leaf_m: tuple[float, float, float]
     root_m: tuple[float, float, float, float]
     reach_m: float
 
@@ -171,32 +169,10 @@ class Stir(NamedTuple):
 
 
 @compiled
-def covered_share(sweep_m: float, root_m: float, distance_m: float) -> float:
-    """Share of a root zone within the swept disc, the middles of the two discs a distance apart: their lens.
-
-    Args:
-        sweep_m: radius of the swept disc.
-        root_m: radius of the root zone.
-        distance_m: between their middles.
-    """
-    if distance_m >= sweep_m + root_m:
-        return 0.0
-    if distance_m <= abs(sweep_m - root_m) + TOUCH_M:
-        return min(1.0, (sweep_m / root_m) ** 2)
-    # Cosines of half the angle that the lens takes of each disc; each disc adds a sector less a triangle.
-    square = distance_m * distance_m
-    root = min((square + root_m * root_m - sweep_m * sweep_m) / (2.0 * distance_m * root_m), 1.0)
-    sweep = min((square + sweep_m * sweep_m - root_m * root_m) / (2.0 * distance_m * sweep_m), 1.0)
-    lens = root_m * root_m * (math.acos(root) - root * math.sqrt(1.0 - root * root))
-    lens += sweep_m * sweep_m * (math.acos(sweep) - sweep * math.sqrt(1.0 - sweep * sweep))
-    return lens / (math.pi * root_m * root_m)
-
-
-@compiled
 def dose(work: Stir, mode: int, along_m: float, across_m: float, kind: int) -> float:
     """Depth over the root zone of a plant at an offset from the stir's middle, metres."""
     distance = math.sqrt(along_m * along_m + across_m * across_m)
-    return work.depth_m[mode] * covered_share(work.sweep_m[mode], work.root_m[kind], distance)
+    return work.depth_m[mode] * covered_share(work.leaf_m[mode], work.root_m[kind], distance)
 
 
 bind(Stir, dose)

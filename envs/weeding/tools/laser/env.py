@@ -82,11 +82,12 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
     - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.unwrapped.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed``, ``crop`` (-5 a crop plant that dies), ``time``
-    (-0.05 a second), ``energy`` (-0.0005 a joule).
+    (-0.05 a second), ``energy`` (-0.0005 a joule),
+    ``leaves`` (0, in ``"field"`` -1 for all leaves of a crop plant that lives).
 
     **Score**: ``info["scorecard"]``: ``net_rate`` = killed / all true weeds of the band, ``cycle_time_s`` = time until
     the last weed died / weeds killed (eq. 34 of the safflower paper), ``shot_time_s`` the same for shots,
-    ``crop_loss_percent``, ``joules_per_weed``, ``ha_per_h``, phases.
+    ``crop_loss_percent``, ``leaf_loss``, ``joules_per_weed``, ``ha_per_h``, phases.
 
     Args:
         scenario: tiers by offered load: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` (40 weeds per

@@ -57,6 +57,8 @@ class ProcessConfig(Config):
     """Steepness for crop plants [assumed]."""
     crop_heart_m: float = num(0.006, 1e-4, 0.05, "m")
     """Radius of a crop plant's growing point [assumed]."""
+    leaf_tolerance_j_m2: float = num(1.0e5, 1.0e2, 1.0e9, "J/m2")
+    """Energy per area that a crop's leaf does not survive [assumed: it heats 0.3 mm of water, a leaf's, by 80 K]."""
 
     def check(self) -> None:
         """Hold the doses to their order."""
@@ -81,11 +83,13 @@ class Burn(NamedTuple):
 
     Attributes:
         energy_j: by dose level.
+        leaf_m: radius within which leaves take more than they survive, by dose level.
         per_m2: by kind of plant, how the logarithm of the overlap falls with the squared offset, negative.
         reach_m: where less than a billionth of a shot arrives.
     """
 
     energy_j: tuple[float, float, float]
+    leaf_m: tuple[float, float, float]
     per_m2: tuple[float, float, float, float]
     reach_m: float
 
@@ -96,7 +100,19 @@ class Burn(NamedTuple):
         square = [spot + radius**2 for radius in (*process.meristem_m, process.crop_heart_m)]
         low, normal, high = map(float, process.dose_j)
         a, b, c, d = (-2.0 / width for width in square)
-        return cls((low, normal, high), (a, b, c, d), math.sqrt(0.5 * max(square) * math.log(1e9)))
+        burnt = [burnt_m(process, joules) for joules in (low, normal, high)]
+        reach_m = math.sqrt(0.5 * max(square) * math.log(1e9))
+        return cls((low, normal, high), (burnt[0], burnt[1], burnt[2]), (a, b, c, d), reach_m)
+
+
+def burnt_m(process: ProcessConfig, energy_j: float) -> float:
+    """Radius within which a shot burns leaves, metres.
+
+    A Gaussian beam of 1/e2 radius w brings 2 E / (pi w^2) exp(-2 r^2 / w^2) per area; 0 where that is nowhere enough.
+    """
+    square = process.spot_radius_m**2
+    middle_j_m2 = 2.0 * energy_j / (math.pi * square)
+    return math.sqrt(0.5 * square * math.log(max(middle_j_m2 / process.leaf_tolerance_j_m2, 1.0)))
 
 
 @compiled
