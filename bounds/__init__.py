@@ -65,8 +65,8 @@ def instance(env_id: str, seed: int, *, backend: str = "analytic", field: Any = 
     if (perception or spec.assembly.default_perception(backend)) == "camera":
         reports, kwargs = "any", {**kwargs, "perception": "perfect"}
     env: Any = gym.make_vec(env_id, 1, vectorization_mode="vector_entry_point", **kwargs)
-    if reports != "any" and getattr(env.unwrapped.core, "errs", False):
-        # Where drives err, work may be done anywhere: as if a camera had reported anything.
+    if reports != "any" and any(getattr(env.unwrapped.core, cause, False) for cause in ("errs", "rough")):
+        # Where drives err or a frame stands tilted, work may be done anywhere: as if a camera had reported anything.
         env.close()
         reports, kwargs = "any", {**kwargs, "perception": "perfect"}
         env = gym.make_vec(env_id, 1, vectorization_mode="vector_entry_point", **kwargs)

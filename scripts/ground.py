@@ -26,10 +26,10 @@ from rich.table import Table
 import fieldgym  # noqa: F401
 from fieldgym.agents import act_single, make_policy
 from fieldgym.benchmark.statistics import Estimate, mean, paired_difference
+from fieldgym.envs.shaking import frames_at, lands, sinks_m
 from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.ground import draw_profiles, shape_of, surface_of
 from fieldgym.envs.weeding.ground_config import GroundConfig
-from fieldgym.envs.weeding.shaking import frames_at, lands, sinks_m
 from fieldgym.envs.weeding.straying import Carrying, strayed
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 

@@ -12,23 +12,8 @@ from scipy.spatial.transform import Rotation
 from fieldgym.bounds.weeding import instance_of
 from fieldgym.envs.field import FieldError
 from fieldgym.envs.field_files import read_field, write_field
-from fieldgym.envs.weeding.config import SCENARIOS
-from fieldgym.envs.weeding.field import Profile, WeedField
-from fieldgym.envs.weeding.ground import (
-    STEP_M,
-    coherence,
-    density_m3,
-    draw_profile,
-    draw_profiles,
-    drift_of,
-    shape_of,
-    span,
-    surface_of,
-)
-from fieldgym.envs.weeding.ground_config import GroundConfig
-from fieldgym.envs.weeding.perception import TOOL_GATE_M, PerceptionModel
-from fieldgym.envs.weeding.process import dose
-from fieldgym.envs.weeding.shaking import (
+from fieldgym.envs.rough import STEP_M, coherence, density_m3
+from fieldgym.envs.shaking import (
     Frame,
     Shape,
     U,
@@ -41,6 +26,19 @@ from fieldgym.envs.weeding.shaking import (
     sinks_m,
     ways_at,
 )
+from fieldgym.envs.weeding.config import SCENARIOS
+from fieldgym.envs.weeding.field import Profile, WeedField
+from fieldgym.envs.weeding.ground import (
+    draw_profile,
+    draw_profiles,
+    drift_of,
+    shape_of,
+    span,
+    surface_of,
+)
+from fieldgym.envs.weeding.ground_config import GroundConfig
+from fieldgym.envs.weeding.perception import TOOL_GATE_M, PerceptionModel
+from fieldgym.envs.weeding.process import dose
 from fieldgym.envs.weeding.state import T
 from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
 from fieldgym.envs.weeding.tools.hoe.env import hoe_core

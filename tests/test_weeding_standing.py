@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fieldgym.envs.shaking import believed, height_at, lands
 from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.ground import draw_profile, shape_of, surface_of
 from fieldgym.envs.weeding.ground_config import GroundConfig
-from fieldgym.envs.weeding.shaking import believed, height_at, lands
 from fieldgym.envs.weeding.standing import Standing
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.scene import WeederScene

@@ -68,12 +68,17 @@ class Tracks(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Fields of R worlds; ``tracks`` is None where a camera still has to look, ``luck`` (R, J) where no drive errs."""
+    """Fields of R worlds.
+
+    ``tracks`` is None where a camera still has to look, ``luck`` (R, J) where no drive errs, ``stands`` (R, S, 3) on
+    level ground.
+    """
 
     heads: Heads
     plants: Plants
     tracks: Tracks | None
     luck: Array | None = None
+    stands: Array | None = None
 
 
 def stop_centres(scenario: ScenarioConfig) -> Array:
@@ -157,7 +162,7 @@ def unstack(batch: Batch, perception: PerceptionModel | None) -> list[SafflowerF
 
 
 def _field(batch: Batch, row: int, camera: Camera | None) -> SafflowerField:
-    heads, plants, tracks, _ = batch
+    heads, plants, tracks = batch[:3]
     slot, count = np.flatnonzero(heads.exists[row]), int(plants.count[row])
     names = ("stage", "mass_g", "size_m", "occluded", "cut_luck", "drop_luck", "plant")
     reports = None

@@ -14,6 +14,7 @@ from ...kernels.config import Config, choice, flag, nested, num
 from ...simulation.assets import asset_text
 from ...simulation.picker_model import MOTOR_HEIGHT_M, PickerParameters
 from ..drives import DriveErrors, LinearDrive, RotaryDrive
+from ..rough_config import RoughGround
 
 EFFORTS = ("quick", "normal", "thorough")
 STAGES = ("bud", "fresh", "late", "dry")
@@ -124,6 +125,18 @@ class PerceptionModel(Config):
 
 
 @dataclass(frozen=True)
+class StandGround(RoughGround):
+    """The ground on which the cart stands at its stops; as it stands, a plane."""
+
+    wheel_base_m: float = num(0.74, 0.2, 5.0, "m")
+    """Front wheels before rear wheels, the arm's plane in the middle [assumed: as drawn]."""
+    track_m: float = num(1.10, 0.2, 5.0, "m")
+    """Left wheels beside right wheels [assumed: as drawn]."""
+    pivot_m: float = num(0.16, 0.0, 3.0, "m")
+    """Height of the axles, whose way the cart's drive counts, and about which the frame tilts [assumed: as drawn]."""
+
+
+@dataclass(frozen=True)
 class ScenarioConfig(Config):
     """One kind of field. Days are days of flowering."""
 
@@ -161,6 +174,8 @@ class ScenarioConfig(Config):
     """Scenario whose measured camera stands in for the camera with ``perception="model"``."""
     drives: DriveErrors = nested(DriveErrors)
     """Errors of cart and arms."""
+    ground: StandGround = nested(StandGround)
+    """What the cart stands on."""
 
     def check(self) -> None:
         """Ranges ascend, and the row is one that fits into memory."""
@@ -249,9 +264,10 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "row-sparse": _row("row-sparse", 0.30, 0.10),
     "row": _row("row", 0.20, 0.175),
     "row-dense": _row("row-dense", 0.125, 0.25),
-    "field": replace(_row("row-dense", 0.125, 0.25), drives=WORN),
+    "field": replace(_row("row-dense", 0.125, 0.25), drives=WORN, ground=StandGround("C")),
 }
-"""``field`` is the dense row with a worn machine: nobody grinds gears and calibrates encoders before every row."""
+"""``field`` is the dense row with a worn machine, on ground that is no plane: nobody grinds gears, calibrates
+encoders and levels the ground before every row."""
 
 
 PRESETS = {"modern-perception": {"process.locate_s": 1.0}}

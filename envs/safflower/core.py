@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -20,9 +21,10 @@ from .config import EFFORTS, STAGES, PerceptionModel, SafflowerConfig
 from .drawing import draw_batch, reach_table
 from .errors import JOINTS, tool_error
 from .features import ACROSS_SCALE_M, HEIGHT_SCALE_M, LIMIT, SIZE_SCALE_M, C, Candidate, Machine
-from .field import SafflowerField
+from .field import SafflowerField, Stands
 from .filling import completed, row_limits_m
 from .rules import apply_worlds, decide_worlds, fill_rows, plan_worlds, show_worlds
+from .standing import draw_stands, stand_error, whole_stands
 from .state import PickerPlan, R, Rewards, Scores, T, Tables, empty_worlds, tables_of
 from .timing import DRIVE, NOTHING, Phases, levels_s
 
@@ -41,6 +43,10 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         config: the task's numbers.
         perception: statistical camera, or None when reports come from outside through ``receive``.
         worlds: number of worlds B.
+
+    Attributes:
+        rough: whether the cart's stops lie on ground that is no plane.
+        stands: (B, S, 3), how it stands at them, see ``standing``; no stops on a plane.
     """
 
     reward_names = names(Rewards)
@@ -64,6 +70,9 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         self.tables = tables_of(config, perception is None)
         self.state = empty_worlds(config, worlds)
         self._drive(Servos.of(config.scenario.drives, *JOINTS))
+        self.rough = config.scenario.ground.rough
+        self.stepwise = self.errs or self.rough
+        self.stands = np.zeros((worlds, config.scenario.stops if self.rough else 0, 3))
         # What the pictures show and the rules do not ask for.
         slots, plants = self.state.head_mass_g.shape[1] - 1, config.scenario.plants
         self.head_exists, self.head_occluded = np.zeros((2, worlds, slots), bool)
@@ -80,16 +89,22 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw fields and what the statistical camera reports of them."""
-        luck = self.draw_luck(generators)
-        return draw_batch(self.config, self.perception, generators)._replace(luck=luck)
+        luck, stands = self.draw_luck(generators), draw_stands(self.config, generators)
+        return draw_batch(self.config, self.perception, generators)._replace(luck=luck, stands=stands)
 
     def stack(self, fields: Sequence[SafflowerField]) -> Batch:
         """The batch of fields in which nothing is missing."""
-        return stack(self.config, fields)._replace(luck=self.luck_of(fields))
+        stands = [one.stands for one in fields if one.stands is not None]
+        rows = np.array([[one.heave_m, one.pitch_rad, one.roll_rad] for one in stands])
+        whole = rows.transpose(0, 2, 1) if self.rough else None
+        return stack(self.config, fields)._replace(luck=self.luck_of(fields), stands=whole)
 
     def unstack(self, batch: Batch) -> list[SafflowerField]:
         """The fields of a batch."""
-        return self.with_luck(unstack(batch, self.perception), batch.luck)
+        fields = self.with_luck(unstack(batch, self.perception), batch.luck)
+        if batch.stands is None:
+            return fields
+        return [replace(one, stands=Stands(*rows.T.copy())) for one, rows in zip(fields, batch.stands, strict=True)]
 
     @property
     def window(self) -> dict[str, tuple[float, float]]:
@@ -100,13 +115,16 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         """A field with nothing missing; see ``filling``."""
         whole = super().complete(field, generator)
         done = completed(self.config, self.perception, whole, generator)
-        return self.with_whole_luck(done, whole.drives, generator)
+        done = self.with_whole_luck(done, whole.drives, generator)
+        return replace(done, stands=whole_stands(self.config, whole.stands, generator))
 
     def load(self, rows: Rows, batch: Batch) -> None:
         """Put fields into ``rows`` and the carts at their first stop, reports taken."""
         state = self.state
-        heads, plants, tracks, luck = batch
+        heads, plants, tracks, luck, stands = batch
         self.take_luck(rows, luck)
+        if stands is not None:
+            self.stands[rows] = stands
         state.head_position[rows, :-1] = heads.position - self.frame
         state.head_stage[rows, :-1] = heads.stage
         state.head_mass_g[rows, :-1] = heads.mass_g
@@ -168,12 +186,17 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         return plan_worlds(self.tables, self.state, actions)
 
     def nominal(self, plan: PickerPlan) -> PickerOutcome:
-        """Nominal phase times, the tool where it was sent, or where drives that err bring it."""
-        return PickerOutcome(plan.phases_s, plan.target + self.tool_error(plan) if self.errs else plan.target)
+        """Nominal phase times, the tool where it was sent, or where drives that err and a tilted frame bring it."""
+        tool = plan.target + self.tool_error(plan) if self.errs else plan.target
+        return PickerOutcome(plan.phases_s, tool + self.stand_error(plan.target) if self.rough else tool)
 
     def tool_error(self, plan: PickerPlan) -> Array:
         """See ``ErringCore``: (B, 3), cart, u and v."""
         return tool_error(self.config, self.servos, self.drive_luck, plan)
+
+    def stand_error(self, tool: Array) -> Array:
+        """What tools at (B, 3) are off by because of how their frames stand at the present stops."""
+        return stand_error(self.config, self.stands, self.state.stop, tool)
 
     def apply(self, plan: PickerPlan, outcome: PickerOutcome) -> StepResult:
         """Cut, collect, book the time and move to the next decision."""

@@ -65,7 +65,7 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
 
     Args:
         scenario: ``"pots"`` (the paper's protocol), ``"row-sparse"``, ``"row"``, ``"row-dense"`` or
-            ``"field"`` (a worn machine).
+            ``"field"`` (a worn machine on rough ground).
         backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
         perception: ``"camera"`` renders and segments images, ``"model"`` draws from statistics measured on such
             images, ``"perfect"`` reports every open or faded head where it is. Default: camera with PyBullet, model

@@ -59,6 +59,15 @@ class Reports(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class Stands(Table):
+    """How the cart stands at each stop on ground that is no plane, a row a stop."""
+
+    heave_m: Array = number("m", -1.0, 1.0, "how much higher the frame stands than the ground under the row", 0.0)
+    pitch_rad: Array = number("rad", -0.5, 0.5, "nose down", 0.0)
+    roll_rad: Array = number("rad", -0.5, 0.5, "left side up", 0.0)
+
+
+@dataclass(frozen=True, eq=False)
 class SafflowerField(Field):
     """A row of safflower with all of its luck.
 
@@ -68,6 +77,7 @@ class SafflowerField(Field):
         reports: what a camera will report; None where it is still to be drawn, or to be rendered.
         camera: whose reports they are; None where any statistical camera makes them.
         drives: luck of the machine's drives; None where none errs.
+        stands: how the cart stands at its stops; drawn where the scenario's ground is rough and none are given.
     """
 
     task: ClassVar[str] = "safflower"
@@ -79,6 +89,7 @@ class SafflowerField(Field):
     reports: Reports | None = None
     camera: Camera | None = None
     drives: DriveLuck | None = None
+    stands: Stands | None = None
 
     @classmethod
     def toy(cls) -> tuple[Toy, ...]:

@@ -63,13 +63,15 @@ class PyBulletPicker(Driven[PickerPlan, PickerOutcome]):
         x, y, z = report.final_tool_m
         parameters = self._machine.parameters
         plane = [[x, y + 0.5 * parameters.five_bar.base_m, z - parameters.motor_height_m]]
-        return PickerOutcome(phases, np.array(plane))
+        tool = np.array(plane)
+        return PickerOutcome(phases, tool + self._core.stand_error(tool) if self._core.rough else tool)
 
     def missed(self, plan: PickerPlan) -> PickerOutcome:
         """The tool stayed where it was."""
         phases = plan.phases_s.copy()
         phases[0, P.travel] += RECOVERY_S
-        return PickerOutcome(phases, plan.start)
+        start = plan.start
+        return PickerOutcome(phases, start + self._core.stand_error(start) if self._core.rough else start)
 
 
 def picker_parameters(config: SafflowerConfig) -> PickerParameters:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from ...kernels import compiled
 from ..core import Array
-from .shaking import U, at_line, lands, sinks_m
+from ..shaking import U, at_line, lands, sinks_m
 from .state import Tables, V, Worlds
 from .timing import WORK, A, Approach, way_of
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core import Array
-from .shaking import Shape, U, at_line, carried, frame_at, heights_at
+from ..shaking import Shape, U, at_line, carried, frame_at, heights_at
 
 
 class Standing(NamedTuple):

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from ..arrays import allocated, shaped
 from ..columns import Says, names, numbered
 from ..core import COMMON_SCORES, Array
+from ..shaking import Shape, Surface
 from .config import STAGES, FieldTask
 from .features import Candidate
 from .ground import shape_of, span
 from .perception import TOOL_GATE_M
 from .process import WeedingProcess
-from .shaking import Shape, Surface
 from .timing import Arm, Coordinates, move_time
 
 MODES = 3

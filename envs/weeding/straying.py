@@ -9,10 +9,10 @@ import numpy as np
 
 from ...kernels import compiled
 from ..core import Array
+from ..shaking import Shape, U, at_line, believed
 from .config import FieldTask
 from .field import Profile
 from .ground import shape_of, surface_of
-from .shaking import Shape, U, at_line, believed
 
 NOWHERE_M = 3.0
 """A tool camera that sees nothing "sees" it this far beside the row: beyond any gate."""

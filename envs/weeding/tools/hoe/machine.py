@@ -11,8 +11,8 @@ from .....simulation.hoe_model import HoeParameters
 from .....simulation.prrs import PrrsResult
 from ....core import Array
 from ....driven import Driven
+from ....shaking import sinks_m
 from ...core import WeederOutcome, WeedingCore
-from ...shaking import sinks_m
 from ...state import WAIT, V, WeederPlan
 from ...timing import WORK, A, P, whole_steps
 from ..stayed import FAR_M, stayed

@@ -9,8 +9,8 @@ from .....motion import QUINTIC
 from .....simulation.weeder import LEVEL_WAY, WeederMachine, WeederResult
 from ....core import Array
 from ....driven import Driven
+from ....shaking import heights_at, lands, ways_at
 from ...core import WeederOutcome, WeedingCore
-from ...shaking import heights_at, lands, ways_at
 from ...state import FAR_M as NOTHING_M
 from ...state import WAIT, V, WeederPlan
 from ...timing import WORK, A, P, ways_of, whole_steps

@@ -9,9 +9,9 @@ import numpy as np
 from .....perception.frames import Frame
 from .....perception.weeds import WeedSettings, detect
 from ....core import Array
+from ....shaking import lands
 from ...core import WeedingCore
 from ...perception import TOOL_GATE_M
-from ...shaking import lands
 from ...state import WAIT, WeederPlan
 from ...straying import NOWHERE_M
 from ...timing import WORK, G, P, way_of

@@ -16,9 +16,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ...kernels import compiled
-from ..columns import Says, numbered
-from ..core import Array
+from ..kernels import compiled
+from .columns import Says, numbered
+from .core import Array
 
 
 class Surface(NamedTuple):
