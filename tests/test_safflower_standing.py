@@ -77,6 +77,7 @@ def test_stands_spread_as_the_ground_s_density_says(iso_class):
     ground = replace(scenario.ground, iso_class=iso_class)
     config = SafflowerConfig(scenario=replace(scenario, ground=ground))
     stands = draw_stands(config, [np.random.default_rng(seed) for seed in range(600)])
+    assert stands is not None
     base, track, foot = 0.74, 1.10, 0.10
     density = {"B": 64e-6, "D": 1024e-6}[iso_class]
 

@@ -78,7 +78,8 @@ def burnt_by_hand(process, energy_j):
     def spare(r):
         return 2.0 * energy_j / (pi * spot**2) * np.exp(-2.0 * r * r / spot**2) - process.leaf_tolerance_j_m2
 
-    return brentq(spare, 0.0, 0.1, xtol=1e-15)
+    found: Any = brentq(spare, 0.0, 0.1, xtol=1e-15)
+    return float(found)
 
 
 # Under a work whole, in part and not at all, on both sides; the last stands too far on.
