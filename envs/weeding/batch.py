@@ -35,7 +35,7 @@ class Plants(NamedTuple):
     look: Annotated[Array, shaped("weeds")]
     """Uniform: whatever only looks need (yaw, size)."""
     crop: Annotated[Array, shaped("crops", Ground, empty=FAR_M)]
-    """Places of the crop plants of the middle row, sorted along; they span one beyond each end."""
+    """Places of the crop plants of all rows, sorted along; they span one of each row beyond each end."""
     crop_luck: Annotated[Array, shaped("crops")]
     """Uniform."""
     ground_look: Annotated[Array, shaped()]

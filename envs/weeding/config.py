@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...kernels.config import Config, choice, flag, nested, num
 from ..drives import DriveErrors, LinearDrive, RotaryDrive
+from .bed_config import BedConfig
 from .ground_config import GroundConfig
 
 STAGES = ("cotyledon", "two-leaf", "four-leaf")
@@ -45,7 +46,7 @@ class ScenarioConfig(Config):
     strip_m: float = num(8.0, 0.05, 500.0, "m")
     """Length of the strip that is one episode [assumed]."""
     band_m: float = num(0.40, 0.01, 2.0, "m")
-    """Width of the treated band, one crop row in its middle [assumed]."""
+    """Working width, the crop rows about its middle [assumed]."""
     row_m: float = num(0.40, 0.05, 3.0, "m")
     """Distance of the crop rows [published range 0.3-0.5]."""
     crop: Literal["beet", "maize"] = choice("beet", ("beet", "maize"))
@@ -78,12 +79,17 @@ class ScenarioConfig(Config):
     """Errors of the tool's drives: legs, sliders and swings; what the cart's drive errs by is the odometry's."""
     ground: GroundConfig = nested(GroundConfig)
     """What the cart drives over."""
+    bed: BedConfig = nested(BedConfig)
+    """How many rows the working width holds, and the ground about them."""
 
     def check(self) -> None:
         """Hold shares to their sum, and the room to what grows."""
         if abs(sum(self.stage_shares) - 1.0) > 1e-9:
             self.refuse("stage_shares", "give shares that add up to 1")
-        expected = self.density_per_m2 * self.strip_m * self.band_m
+        outermost_m = max(abs(across) for across in self.rows_m)
+        if outermost_m > 0.5 * self.band_m:
+            self.refuse("bed.rows", f"the outer rows stand {outermost_m:g} m beside the middle, beyond half of band_m")
+        expected = self.density_per_m2 * self.strip_m * self.weedy_m
         if self.max_weeds < expected:
             self.refuse("max_weeds", f"the strip holds {expected:.0f} weeds on average, give at least as many")
 
@@ -94,8 +100,26 @@ class ScenarioConfig(Config):
 
     @property
     def crops(self) -> int:
-        """Crop plants that can stand in the treated band or reach into it; one beyond each end."""
-        return int(self.strip_m / self.crop_pitch_m) + 3
+        """Crop plants that can stand in the working width or reach into it; one of each row beyond each end."""
+        return self.bed.rows * (int(self.strip_m / self.crop_pitch_m) + 3)
+
+    @property
+    def rows_m(self) -> tuple[float, ...]:
+        """Where the crop rows stand across, from right to left."""
+        return tuple((row - 0.5 * (self.bed.rows - 1)) * self.row_m for row in range(self.bed.rows))
+
+    @property
+    def weedy_m(self) -> float:
+        """Width of what weeds grow on: the working width, or what of it lies in the bands about the rows."""
+        band_m = self.bed.row_band_m
+        if band_m is None:
+            return self.band_m
+        end_m, width_m = -0.5 * self.band_m, 0.0
+        for across_m in self.rows_m:
+            low_m = max(across_m - 0.5 * band_m, end_m)
+            end_m = min(across_m + 0.5 * band_m, 0.5 * self.band_m)
+            width_m += max(end_m - low_m, 0.0)
+        return width_m
 
 
 WORN = DriveErrors(
@@ -228,7 +252,7 @@ class FieldTask(Config):
         if not low <= self.speed_m_s <= high:
             self.refuse(
                 "scenario.offered_load",
-                f"it asks for {self.speed_m_s:g} m/s with this density, band and service time: allowed are {low:g} to "
+                f"it asks for {self.speed_m_s:g} m/s with this density, width and service time: allowed are {low:g} to "
                 f"{high:g} m/s",
             )
 
@@ -286,7 +310,7 @@ class FieldTask(Config):
     def speed_m_s(self) -> float:
         """Constant speed of the scenario: what its offered load asks for, in whole millimetres a second."""
         scenario = self.scenario
-        return round(scenario.offered_load / (scenario.density_per_m2 * scenario.band_m * self.service_s), 3)
+        return round(scenario.offered_load / (scenario.density_per_m2 * scenario.weedy_m * self.service_s), 3)
 
     @property
     def time_limit_s(self) -> float:

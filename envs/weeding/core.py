@@ -211,7 +211,7 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         nearest = int(np.argmin(np.abs(weeds[:, G.along] - along)))
         gap_m = np.hypot(*(weeds - state.track_aim[row, track]).T).min()
         crops, along_m = state.plant[row, self.weeds_end :], float(along[0])
-        crop = crop_index(crops, along_m, passed(crops, along_m, 0))
+        crop = crop_index(crops, along_m, passed(crops, along_m, 0), self.tables.crop_beside)
         state.track_near[row, track, N.weed], state.track_near[row, track, N.crop] = nearest, crop
         state.track_real[row, track] = bool(gap_m < REAL_M)
 

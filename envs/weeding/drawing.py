@@ -51,6 +51,9 @@ class Strip(NamedTuple):
         drawn: weeds that are drawn on the area.
         weeds: most weeds of the strip.
         crops: crop plants.
+        rows: that the crop plants stand in.
+        row_m: from row to row.
+        row_half_m: half the width about a row in which weeds grow, infinite where they grow anywhere.
         missing: share of them that did not emerge.
         contrast: of the patches, 1 without any.
         patch_m: from patch to patch.
@@ -71,6 +74,9 @@ class Strip(NamedTuple):
     drawn: int
     weeds: int
     crops: int
+    rows: int
+    row_m: float
+    row_half_m: float
     missing: float
     contrast: float
     patch_m: float
@@ -104,6 +110,9 @@ class Strip(NamedTuple):
             drawn=max(drawn, scenario.max_weeds),
             weeds=int(scenario.max_weeds),
             crops=int(scenario.crops),
+            rows=int(scenario.bed.rows),
+            row_m=float(scenario.row_m),
+            row_half_m=np.inf if scenario.bed.row_band_m is None else 0.5 * float(scenario.bed.row_band_m),
             missing=float(scenario.crop_missing),
             contrast=float(scenario.patch_contrast),
             patch_m=float(scenario.patch_m),
@@ -193,8 +202,8 @@ def grow(strip: Strip, chances: Chances, plants: Plants) -> None:
                 continue
             stray_along = min(max(chances.crop_z[r, i, G.along], -_MOST_SIGMAS), _MOST_SIGMAS)
             stray_across = min(max(chances.crop_z[r, i, G.across], -_MOST_SIGMAS), _MOST_SIGMAS)
-            crop[there, G.along] = strip.pitch_m * (i - 0.5) + strip.jitter_m[G.along] * stray_along
-            crop[there, G.across] = 0.0 + strip.jitter_m[G.across] * stray_across
+            crop[there, G.along] = strip.pitch_m * (i // strip.rows - 0.5) + strip.jitter_m[G.along] * stray_along
+            crop[there, G.across] = (i % strip.rows - 0.5 * (strip.rows - 1)) * strip.row_m + strip.jitter_m[G.across] * stray_across
             plants.crop_luck[r, there] = chances.crop_luck[r, i]
             there += 1
         # Where plants stand nearer than they stray, a later one may stand before an earlier one.
@@ -218,19 +227,24 @@ def lay_weeds(strip: Strip, chances: Chances, r: int, place: Array) -> int:
             place[kept, G.along] = centre_along + sigma_m * normal[drawn, G.along]
             place[kept, G.across] = centre_across + sigma_m * normal[drawn, G.across]
             drawn += 1
-            kept += grows(strip.length_m, strip.half_width_m, place[kept, G.along], place[kept, G.across])
+            kept += grows(strip, place[kept, G.along], place[kept, G.across])
     for _ in range(min(count_upto(strip.background, chances.loose[r, 0]), strip.drawn - drawn)):
         place[kept, G.along] = low_m[G.along] + size_m[G.along] * patched(strip, phase, evenly[drawn, G.along])
         place[kept, G.across] = low_m[G.across] + size_m[G.across] * evenly[drawn, G.across]
         drawn += 1
-        kept += grows(strip.length_m, strip.half_width_m, place[kept, G.along], place[kept, G.across])
+        kept += grows(strip, place[kept, G.along], place[kept, G.across])
     return kept
 
 
 @compiled
-def grows(length_m: float, half_width_m: float, along_m: float, across_m: float) -> int:
-    """1 for a place within the band of a strip."""
-    return 1 if 0.0 <= along_m <= length_m and abs(across_m) <= half_width_m else 0
+def grows(strip: Strip, along_m: float, across_m: float) -> int:
+    """1 for a place within the strip's width and near enough to one of its rows."""
+    if not (0.0 <= along_m <= strip.length_m and abs(across_m) <= strip.half_width_m):
+        return 0
+    for row in range(strip.rows):
+        if abs(across_m - (row - 0.5 * (strip.rows - 1)) * strip.row_m) <= strip.row_half_m:
+            return 1
+    return 0
 
 
 @compiled

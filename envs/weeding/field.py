@@ -32,10 +32,10 @@ class Weeds(Table):
 
 @dataclass(frozen=True, eq=False)
 class Crops(Table):
-    """Crop plants of the middle row in any order; those beyond the strip's ends can be seen but not lost."""
+    """Crop plants of the working width in any order; those beyond the strip's ends can be seen but not lost."""
 
     along_m: Array = number("m", *_ALONG_M, "along the row")
-    across_m: Array = number("m", *_ACROSS_M, "across, from the middle of the row", 0.0)
+    across_m: Array = number("m", *_ACROSS_M, "across, from the middle of the working width", 0.0)
     luck: Array = number("", 0.0, _LARGEST, "rank of what it can take, uniform", "uniform")
 
 
@@ -81,7 +81,7 @@ class WeedField(Field):
 
     Attributes:
         weeds: what there is to kill.
-        crops: the crop row; the scenario's regular one where none is given.
+        crops: the crop rows; the scenario's regular one where none is given.
         ground: of rendered pictures.
         reports: what the cameras will report; None where it is still to be drawn, or to be rendered.
         camera: whose reports they are; None where any statistical camera makes them.

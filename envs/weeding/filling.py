@@ -75,11 +75,12 @@ def _check_weeds(scenario: ScenarioConfig, weeds: Weeds) -> None:
 
 
 def _whole_crops(scenario: ScenarioConfig, crops: Crops | None, generator: np.random.Generator) -> Crops:
-    """The crop row; without one the scenario's, every plant in its place."""
+    """The crop rows; without any the scenario's, every plant in its place."""
     room, pitch = scenario.crops, scenario.crop_pitch_m
     if crops is None:
-        along = pitch * (np.arange(room, dtype=np.float64) - 0.5)
-        return Crops(along, np.zeros(room), np.full(room, np.nan)).filled(generator)
+        rows = scenario.bed.rows
+        along = pitch * (np.repeat(np.arange(room // rows, dtype=np.float64), rows) - 0.5)
+        return Crops(along, np.tile(scenario.rows_m, room // rows), np.full(room, np.nan)).filled(generator)
     crops.keep_to("crops", room, "lower scenario.crop_pitch_m")
     crops.keep_within("crops", "along_m", -pitch, scenario.strip_m + 2.0 * pitch, "row")
     crops.refuse("crops", repeated(places(crops)), "along_m", "another crop plant stands there, leave one out")

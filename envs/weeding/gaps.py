@@ -31,19 +31,25 @@ def nearest_along(plants: Array, along_m: float, before: int) -> int:
 
 
 @compiled
-def crop_index(crop: Array, along_m: float, before: int) -> int:
-    """As ``nearest_along``, but for the crop plants without a neighbour on a side."""
-    return min(max(nearest_along(crop, along_m, before), 1), len(crop) - 2)
+def crop_index(crop: Array, along_m: float, before: int, beside: int) -> int:
+    """As ``nearest_along``, but for the crop plants without ``beside`` neighbours on a side."""
+    return min(max(nearest_along(crop, along_m, before), beside), len(crop) - 1 - beside)
 
 
 @compiled
 def gap_to_crop(crop: Array, along_m: float, across_m: float, before: int) -> float:
-    """Distance from a place to the nearest crop plant of the middle row, of which ``before`` are ``passed``."""
-    middle, best = crop_index(crop, along_m, before), np.inf
-    for i in range(middle - 1, middle + 2):
+    """Distance from a place to the nearest crop plant of any row, of which ``before`` are ``passed``."""
+    best = np.inf
+    for i in range(before, len(crop)):
         along = crop[i, G.along] - along_m
-        if abs(along) < best:
-            best = min(best, np.hypot(along, crop[i, G.across] - across_m))
+        if along >= best:
+            break
+        best = min(best, np.hypot(along, crop[i, G.across] - across_m))
+    for i in range(before - 1, -1, -1):
+        along = crop[i, G.along] - along_m
+        if -along >= best:
+            break
+        best = min(best, np.hypot(along, crop[i, G.across] - across_m))
     return best
 
 

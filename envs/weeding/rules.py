@@ -187,10 +187,10 @@ def treat(
     while behind < tables.weeds_end and plant[behind, G.along] - along_m <= reach_m:
         behind += 1
     killed = strike(work, plant, doses, limits, kinds, mode, before + 1, behind, along_m, across_m, share)
-    crop = tables.weeds_end + worlds.track_near[w, track, N.crop]
+    crop, beside = tables.weeds_end + worlds.track_near[w, track, N.crop], tables.crop_beside
     # Leaves of a plant that dies go with it: what they lose is counted while it lives.
     leaves = strip_leaves(tables, work.leaf_m[mode], worlds, w, crop, along_m, across_m)
-    crops = strike(work, plant, doses, limits, kinds, mode, crop - 1, crop + 2, along_m, across_m, share)
+    crops = strike(work, plant, doses, limits, kinds, mode, crop - beside, crop + beside + 1, along_m, across_m, share)
     totals[T.killed] += killed
     totals[T.crop] += crops
     totals[T.leaves] += leaves

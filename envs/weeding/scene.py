@@ -214,7 +214,8 @@ class FieldScene(Scene):
         parts = [self._plants.where((along > low) & (along < high))]
         i = np.arange(int(np.floor(low / pitch)), int(np.ceil(high / pitch)))
         for side in (-1, 1):
-            at = np.stack([pitch * (i + 0.1 * _scatter(i, side + 5)), np.full(len(i), side * row), 0.0 * i], axis=-1)
+            across = side * (0.5 * (self.config.scenario.bed.rows + 1) * row)
+            at = np.stack([pitch * (i + 0.1 * _scatter(i, side + 5)), np.full(len(i), across), 0.0 * i], axis=-1)
             parts.append(instances(self._crop_mesh, at, about_z(2.0 * np.pi * _scatter(i, side + 9)), crop))
         self.stage.put("plants", joined(parts))
         parts = []

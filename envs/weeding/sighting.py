@@ -47,7 +47,8 @@ class Cameras(NamedTuple):
         drift_m: standard deviation of the odometry's error from the camera's view to the tool.
         length_m: of the strip.
         band_m: its width.
-        crops_inside: crop plants whose undisturbed places lie in the strip; the first of them has index 1.
+        crops_inside: crop plants whose undisturbed places lie in the strip.
+        crops_before: of those that are not; the first of the others has this index.
     """
 
     recall: Array
@@ -69,15 +70,16 @@ class Cameras(NamedTuple):
     length_m: float
     band_m: float
     crops_inside: int
+    crops_before: int
 
     @classmethod
     def of(cls, scenario: ScenarioConfig, cart: CartConfig, perception: PerceptionModel) -> Cameras:
         """The numbers of a configuration."""
-        area, inside = scenario.strip_m * scenario.band_m, scenario.crops - 3
+        area, inside = scenario.strip_m * scenario.band_m, scenario.crops - 3 * scenario.bed.rows
         true, false = perception.sighting_table, perception.false_table
         at_weed, at_crop, loose = perception.false_rates
         # Expected false tracks of a strip: parts of weeds, at crop plants, elsewhere.
-        means = at_weed * scenario.density_per_m2 * area, at_crop * inside, loose * area
+        means = at_weed * scenario.density_per_m2 * scenario.strip_m * scenario.weedy_m, at_crop * inside, loose * area
         first, second, _ = (np.cumsum(means) / max(in_order(means), 1e-12)).tolist()
         return cls(
             recall=np.array(perception.recall, float),
@@ -99,6 +101,7 @@ class Cameras(NamedTuple):
             length_m=float(scenario.strip_m),
             band_m=float(scenario.band_m),
             crops_inside=inside,
+            crops_before=int(scenario.bed.rows),
         )
 
     def capacity(self, weeds: int) -> int:
@@ -229,7 +232,7 @@ def see_what_is_not(
                 continue
             along, across = weed[int(weeds * owner), G.along], weed[int(weeds * owner), G.across]
         elif kind == AT_CROP:
-            plant = 1 + int(cameras.crops_inside * owner)
+            plant = cameras.crops_before + int(cameras.crops_inside * owner)
             along, across = crop[plant, G.along], crop[plant, G.across]
         else:
             along, across = place[g, G.along] * cameras.length_m, place[g, G.across] * cameras.band_m - half_m

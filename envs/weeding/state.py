@@ -113,6 +113,7 @@ class Tables(NamedTuple):
         weights: (5,), of the reward's terms; see ``Rewards``.
         weeds_end: weeds lie before this place of the plants, crop plants behind it.
         start_m: the cart begins this far before the strip.
+        crop_beside: so many crop plants before and behind the nearest one along may be in reach of a shot too.
         strip_m: length of the strip.
         end_m: cart position at which the strip has passed the window.
         blind_m: way of the cart from which the front camera's view has left a place until it has left the window.
@@ -140,6 +141,7 @@ class Tables(NamedTuple):
     weights: Array
     weeds_end: int
     start_m: float
+    crop_beside: int
     strip_m: float
     end_m: float
     blind_m: float
@@ -253,6 +255,7 @@ def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: flo
         weights=np.array([weights.killed, weights.crop, weights.seconds, weights.joules, leaves], float),
         weeds_end=scenario.max_weeds + 2 * PAD,
         start_m=float(cart.start_m),
+        crop_beside=int(scenario.bed.beside),
         strip_m=float(scenario.strip_m),
         end_m=float(scenario.strip_m + arm.front_m),
         blind_m=float(cart.unseen_m + arm.front_m),
