@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...envs.weeding.features import ACROSS_SCALE_M, ALONG_SCALE_M, SPEED_SCALE, C, M
+from ...envs.weeding.ridges import lift_time
 from ...envs.weeding.timing import A, G, Place, approach, move_time
 from ...kernels import bind, compiled
 from .base import Actions, Observation
@@ -101,12 +102,13 @@ def measure_moves(shots: Shots, start: Array, share: float) -> None:
             for j in range(k):
                 along = shots.place[w, j, G.along]
                 to_lean = share * along
-                shots.move_s[w, i, j] = move_time(
+                move_s = move_time(
                     shots.arm,
                     along - to_lean - carrier + passed,
                     to_lean - lean - passed,
                     shots.place[w, j, G.across] - across,
                 )
+                shots.move_s[w, i, j] = max(move_s, lift_time(shots.arm, across, shots.place[w, j, G.across]))
 
 
 @compiled

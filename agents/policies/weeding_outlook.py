@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...envs.weeding.ridges import Ridges
 from ...envs.weeding.tools.hoe.arm import HoeArm
 from ...envs.weeding.tools.hoe.config import HoeWeedingConfig
 from ...envs.weeding.tools.hoe.process import HoeProcess, crop_loss
@@ -62,7 +63,7 @@ def _laser(config: WeedingConfig) -> Outlook:
         return numbers.response.crop_chance(arrives)
 
     return Outlook(
-        arm=LaserArm.of(config.reach, config.cart.early_s),
+        arm=LaserArm.of(config.aim, config.cart.early_s, Ridges.of(config.scenario)),
         lean_share=config.reach.lean_m / config.reach.front_m,
         work_s=process.work_s.sum(axis=1),
         energy_j=process.energy_j,
@@ -74,7 +75,7 @@ def _laser(config: WeedingConfig) -> Outlook:
 
 @outlook.register
 def _hoe(config: HoeWeedingConfig) -> Outlook:
-    numbers, process = config.process, HoeProcess(config.process)
+    numbers, process = config.process, HoeProcess(config.passing)
     # The loss falls to zero within the hoe's reach: half a millimetre between the gaps of the table is fine enough.
     gaps = np.arange(0.0, process.work.reach_m + 1e-3, 5e-4)
     losses = crop_loss(numbers, gaps)
@@ -83,7 +84,7 @@ def _hoe(config: HoeWeedingConfig) -> Outlook:
         return np.stack([np.interp(gap_m, gaps, losses[:, mode]) for mode in range(losses.shape[1])], axis=-1)
 
     return Outlook(
-        arm=HoeArm.of(config.reach, config.cart.early_s),
+        arm=HoeArm.of(config.reach, config.cart.early_s, Ridges.of(config.scenario)),
         lean_share=0.0,
         work_s=process.work_s.sum(axis=1),
         energy_j=process.energy_j,

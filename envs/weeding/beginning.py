@@ -125,7 +125,11 @@ def begin_tracks(
             report[k, G.along], report[k, G.across] = tracks.report[r, k, G.along], tracks.report[r, k, G.across]
             aim[k, G.along], aim[k, G.across] = tracks.aim[r, k, G.along], tracks.aim[r, k, G.across]
             known_m[k] = report[k, G.along] - seen_ahead_m + frames_m
-            near[k, N.weed], near[k, N.crop], worlds.track_real[w, k] = tracks.weed[r, k], tables.crop_beside, tracks.real[r, k]
+            near[k, N.weed], near[k, N.crop], worlds.track_real[w, k] = (
+                tracks.weed[r, k],
+                tables.crop_beside,
+                tracks.real[r, k],
+            )
             fill(feature[k], 0.0)
         before = 0
         for k in range(tracks.count[r]):

@@ -86,6 +86,8 @@ class ScenarioConfig(Config):
         """Hold shares to their sum, and the room to what grows."""
         if abs(sum(self.stage_shares) - 1.0) > 1e-9:
             self.refuse("stage_shares", "give shares that add up to 1")
+        if self.bed.ridge_m > 0.0 and self.bed.rows > 1 and self.bed.ridge_width_m > self.row_m:
+            self.refuse("bed.ridge_width_m", f"ridges would overlap, give at most row_m = {self.row_m:g} m")
         outermost_m = max(abs(across) for across in self.rows_m)
         if outermost_m > 0.5 * self.band_m:
             self.refuse("bed.rows", f"the outer rows stand {outermost_m:g} m beside the middle, beyond half of band_m")
@@ -134,6 +136,10 @@ minutes]."""
 TILLED = GroundConfig(iso_class="C", drift_share=0.02, slip_share=0.01, wander_m=0.0143)
 """A seedbed that wheels have pressed, and an odometry that is off by 2 % on it [assumed, within the published]."""
 
+RIDGED = BedConfig(rows=2, row_band_m=0.12, crop_height_m=0.06, ridge_m=0.02, ridge_width_m=0.16, frame_m=0.045)
+"""Twin rows on low ridges, as carrots are grown, between which a hoe has gone before; the crop stands 60 mm
+high, and the frame is set so that laser and hoe reach furrows and ridges [assumed]."""
+
 SCENARIOS: dict[str, ScenarioConfig] = {
     "load-0.7": ScenarioConfig(40.0, 0.7),
     "load-1.0": ScenarioConfig(40.0, 1.0),
@@ -144,12 +150,15 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "dense": ScenarioConfig(100.0, 1.0, strip_m=1.6),
     "patchy": ScenarioConfig(40.0, 1.25, crop_missing=0.25, patch_contrast=20.0),
     "field": ScenarioConfig(40.0, 1.25, leaves_count=True, drives=WORN, ground=TILLED),
+    "ridged": ScenarioConfig(40.0, 1.25, row_m=0.20, bed=RIDGED),
 }
 """Tiers by offered load at 40 weeds per m2 (an ordinary infestation), clumped unless they say ``even``; ``dense`` has
 100 per m2 on a shorter strip, driven as slowly as its load of 1.0 asks. ``patchy`` is ``load-1.25`` where a quarter of
 the crop did not emerge and weeds stand in patches of metres, as field papers map them, at the same density. ``field``
 is ``load-1.25`` with a machine that has worked for a season, on ground that is no plane: nobody exchanges screws and
-calibrates encoders before every field. There leaves count too."""
+calibrates encoders before every field. There leaves count too. ``ridged`` has two rows 0.20 m apart on ridges of 20 mm,
+weeds within 60 mm of them alone and a crop taller by 10 mm: the tool goes up and down with the ground, and works higher
+over the furrows."""
 
 DEMANDS: dict[str, ScenarioConfig] = {
     "demand-0.90": ScenarioConfig(40.0, 1.25, demanded=0.90),

@@ -203,7 +203,9 @@ def grow(strip: Strip, chances: Chances, plants: Plants) -> None:
             stray_along = min(max(chances.crop_z[r, i, G.along], -_MOST_SIGMAS), _MOST_SIGMAS)
             stray_across = min(max(chances.crop_z[r, i, G.across], -_MOST_SIGMAS), _MOST_SIGMAS)
             crop[there, G.along] = strip.pitch_m * (i // strip.rows - 0.5) + strip.jitter_m[G.along] * stray_along
-            crop[there, G.across] = (i % strip.rows - 0.5 * (strip.rows - 1)) * strip.row_m + strip.jitter_m[G.across] * stray_across
+            crop[there, G.across] = (i % strip.rows - 0.5 * (strip.rows - 1)) * strip.row_m + strip.jitter_m[
+                G.across
+            ] * stray_across
             plants.crop_luck[r, there] = chances.crop_luck[r, i]
             there += 1
         # Where plants stand nearer than they stray, a later one may stand before an earlier one.

@@ -15,6 +15,7 @@ from ...kernels import compiled
 from ...kernels.discs import covered_share
 from ..core import Array, StepResult
 from .process import dose
+from .ridges import lift_time
 from .shaken import carried_on, corrected, deeper, worked
 from .state import MODES, NOTHING, PAD, WAIT, N, R, T, Tables, V, WeederPlan, Worlds
 from .timing import WORK, A, Approach, G, P, Place, approach, move_time, ready, way_of
@@ -81,6 +82,7 @@ def plan_worlds(tables: Tables, arm: Any, worlds: Worlds, actions: NDArray[np.in
             move_s = move_time(
                 arm, rest.carrier_m - now[A.carrier], rest.lean_m - now[A.lean], rest.across_m - now[A.across]
             )
+            move_s = max(move_s, lift_time(arm, now[A.across], rest.across_m))
             phases_s[w, P.move], phases_s[w, pause] = move_s, max(pause_s - move_s, 0.0)
         aim[w, G.along] = worlds.track_aim[w, track[w], G.along]
         aim[w, G.across] = worlds.track_aim[w, track[w], G.across]

@@ -96,6 +96,11 @@ class Arm(Protocol):
         ...
 
     @property
+    def ridges(self) -> Any:
+        """What the tool rises and sinks with; see ``ridges.Ridges``."""
+        ...
+
+    @property
     def scale(self) -> tuple[float, float, float]:
         """What a place relative to the cart is divided by before policies are shown it."""
         ...

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from .....kernels import bind, compiled
 from .....kernels.config import Config, num
 from .....motion import QUINTIC
+from ...ridges import FLAT, Ridges, lift_time
 from ...timing import Approach, Place
 
 
@@ -38,6 +39,7 @@ class HoeArm(NamedTuple):
         early_s: longest wait for a target in front of the window.
         pace_s_m: seconds a metre at the velocity limit.
         square_pace_s2_m: seconds squared a metre at the acceleration limit.
+        ridges: which the blade follows.
     """
 
     front_m: float
@@ -47,13 +49,14 @@ class HoeArm(NamedTuple):
     early_s: float
     pace_s_m: float
     square_pace_s2_m: float
+    ridges: Ridges
 
     @classmethod
-    def of(cls, reach: HoeReach, early_s: float) -> HoeArm:
+    def of(cls, reach: HoeReach, early_s: float, ridges: Ridges = FLAT) -> HoeArm:
         """The numbers of a configuration."""
         travel, width = float(reach.travel_m), float(reach.half_width_m)
         pace, square = QUINTIC.paces(reach.velocity_m_s, reach.acceleration_m_s2)
-        return cls(travel, width, (travel, 1.0, width), travel, float(early_s), float(pace), float(square))
+        return cls(travel, width, (travel, 1.0, width), travel, float(early_s), float(pace), float(square), ridges)
 
 
 @compiled
@@ -69,6 +72,7 @@ def approach(
 ) -> Approach:
     """How the hoe would work on one target; see ``timing.approach``. The blade follows the plant for the whole time."""
     move_s = move_time(arm, along_m - place.carrier_m, 0.0, across_m - place.across_m)
+    move_s = max(move_s, lift_time(arm, place.across_m, across_m))
     ahead = along_m - cart_m
     wait_s = max((ahead - arm.travel_m) / speed_m_s - move_s, 0.0)
     behind = ahead - speed_m_s * (move_s + wait_s) - speed_m_s * stand_s

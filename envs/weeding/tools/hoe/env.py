@@ -11,6 +11,7 @@ from ....vector import TaskVectorEnv
 from ...config import SCENARIOS
 from ...core import WeederOutcome, WeedingCore
 from ...perception import PerceptionModel, uncorrected
+from ...ridges import Ridges
 from ...state import WeederPlan
 from .arm import HoeArm
 from .config import PRESETS, HoeWeedingConfig
@@ -21,8 +22,8 @@ from .process import HoeProcess
 
 def hoe_core(config: HoeWeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
     """The weeding rules with the hoe as their tool."""
-    arm = HoeArm.of(config.reach, config.cart.early_s)
-    return HoeCore(config, arm, HoeProcess(config.process), perception, worlds)
+    arm = HoeArm.of(config.reach, config.cart.early_s, Ridges.of(config.scenario))
+    return HoeCore(config, arm, HoeProcess(config.passing), perception, worlds)
 
 
 DECISION_S = {

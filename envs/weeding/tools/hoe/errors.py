@@ -8,6 +8,7 @@ from .....motion.orientation import axes, from_euler
 from ....core import Array
 from ....drives import settled
 from ...core import WeedingCore
+from ...ridges import ridge_heights
 from ...state import WAIT, V, WeederPlan
 from ...timing import WORK, A, P
 from .config import HoeWeedingConfig
@@ -29,7 +30,7 @@ class HoeCore(WeedingCore):
         On its way round each joint stays behind on either side for about half the time; the rest of it comes from the
         platform's running back at the cart's speed.
         """
-        parameters, process, phases = self.config.parameters, self.config.process, plan.phases_s
+        parameters, process, phases = self.config.parameters, self.config.passing, plan.phases_s
         mode = np.minimum(plan.kind, WAIT)
         depth = np.append(process.depth_m, -process.clearance_m)[mode]
         radius = np.append(process.stir_radius_m, 0.0)[mode]
@@ -39,6 +40,7 @@ class HoeCore(WeedingCore):
         pose[:, 0] = plan.target[:, A.carrier] - plan.cart
         pose[:, 0] -= speed * (phases[:, : WORK + B.stir].sum(axis=1) + 0.5 * stir_s)
         pose[:, 1], pose[:, 2] = plan.target[:, A.across], -depth - parameters.lowest_tip_m
+        pose[:, 2] += ridge_heights(self.machine.ridges, plan.target[:, A.across])
         round_m_s = 2.0 * np.pi * radius / np.maximum(stir_s, 1e-9)
         twist = np.zeros((len(mode), len(_ANGLES), 6))
         twist[..., 0] = -round_m_s[:, None] * np.sin(_ANGLES) - speed[:, None]

@@ -13,6 +13,7 @@ from ....core import Array
 from ....driven import Driven
 from ....shaking import sinks_m
 from ...core import WeederOutcome, WeedingCore
+from ...ridges import FLAT, Ridges, ridge_height, ridge_heights, risen
 from ...state import WAIT, V, WeederPlan
 from ...timing import WORK, A, P, whole_steps
 from ..stayed import FAR_M, stayed
@@ -33,7 +34,7 @@ class PyBulletHoe(Driven[WeederPlan, WeederOutcome]):
         """Build the machine for the rules' single world."""
         super().__init__(core.worlds)
         self._core = core
-        self._hoe: HoeProcessConfig = core.config.process
+        self._hoe: HoeProcessConfig = core.config.passing
         self._machine = HoeMachine(core.config.parameters)
         self._dt = 1.0 / self._machine.parameters.physics_hz
         self.last_result: PrrsResult | None = None
@@ -42,7 +43,8 @@ class PyBulletHoe(Driven[WeederPlan, WeederOutcome]):
         """Put the machine where the rules say it stands, its blade up."""
         state = self._core.state
         along, _, across = state.place[0]
-        tip = np.array([[along, across, self._hoe.clearance_m]])
+        rise = ridge_height(self._core.machine.ridges, float(across))
+        tip = np.array([[along, across, self._hoe.clearance_m + rise]])
         self._machine.reset(poses(self._machine.parameters, tip, state.cart[:1])[0])
 
     def drive(self, plan: WeederPlan) -> WeederOutcome:
@@ -50,7 +52,8 @@ class PyBulletHoe(Driven[WeederPlan, WeederOutcome]):
         works = bool(plan.kind[0] < WAIT)
         phases, steps = whole_steps(plan.phases_s, works, self._dt)
         time = self._dt * np.arange(steps + 1, dtype=np.float64)
-        tip = tip_way(self._hoe, plan, phases, time)
+        ridges = self._core.machine.ridges
+        tip = tip_way(self._hoe, plan, phases, time, ridges)
         speed = float(plan.speed[0, V.before])
         cart = float(plan.cart[0]) + speed * time
         pose = poses(self._machine.parameters, tip, cart)
@@ -70,7 +73,9 @@ class PyBulletHoe(Driven[WeederPlan, WeederOutcome]):
                 at, turned = self._machine.platform()
                 errors.append((at - below_m * axes(turned)[:, 2])[:2] - pose[row, :2])
 
-        ground = self._ground_m(tip, cart) if self._core.state.surface.shape[1] else 0.0
+        ground = ridge_heights(ridges, tip[:, 1])
+        if self._core.state.surface.shape[1]:
+            ground += self._ground_m(tip, cart)
         report = self.last_result = self._machine.hoe(way, speed, look, ground_m=ground)
         hit = plan.aim + np.mean(errors, axis=0) if errors else plan.aim
         if not self.arrived(report.final_error_m, report.saturated):
@@ -97,17 +102,18 @@ def poses(parameters: HoeParameters, tip: Array, cart_m: Array) -> Array:
     return pose
 
 
-def tip_way(hoe: HoeProcessConfig, plan: WeederPlan, phases_s: Array, time_s: Array) -> Array:
+def tip_way(hoe: HoeProcessConfig, plan: WeederPlan, phases_s: Array, time_s: Array, ridges: Ridges = FLAT) -> Array:
     """World places (n, 3) of the blade's underside in one world's decision at times (n,) from its beginning.
 
     The move, stretched over the wait for the weed's entering the window, is a straight line over ground at the
-    clearance. The plunge ends on the circle, the lift begins there and ends over its middle.
+    clearance, from the height of the ground at the one place to that at the other. The plunge ends on the circle, the
+    lift begins there and ends over its middle.
     """
     move_s = float(phases_s[0, P.move] + phases_s[0, P.wait])
     start, target = plan.start[0, [A.carrier, A.across]], plan.target[0, [A.carrier, A.across]]
     tip = np.empty((len(time_s), 3))
     tip[:, :2] = start + QUINTIC.sample(time_s, 1.0, move_s).position[:, None] * (target - start)
-    tip[:, 2] = hoe.clearance_m
+    tip[:, 2] = hoe.clearance_m + risen(ridges, plan, phases_s, time_s)
     mode = int(plan.kind[0])
     if mode < WAIT:
         plunge_s, stir_s, lift_s = (float(phases_s[0, WORK + part]) for part in (B.plunge, B.stir, B.lift))

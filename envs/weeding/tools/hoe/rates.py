@@ -20,7 +20,7 @@ def rates_of(config: HoeWeedingConfig) -> Rates:
 
     What the motors give on the blade's circle is the work against the soil.
     """
-    reach, process, machine = config.reach, config.process, config.parameters
+    reach, process, machine = config.reach, config.passing, config.parameters
     start, stroke = moves(np.array([reach.travel_m, reach.half_width_m]))
     friction = (*[machine.slider_friction_n] * 3, *[machine.swing_friction_n_m] * 3)
     dynamics = prrs_dynamics(machine)

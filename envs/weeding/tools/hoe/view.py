@@ -8,6 +8,7 @@ import numpy as np
 
 from ....core import Array
 from ...core import WeedingCore
+from ...ridges import ridge_height
 from ...state import V, WeederPlan
 from ...view import FieldView, Show
 from .config import HoeWeedingConfig
@@ -32,11 +33,12 @@ class HoeView(FieldView[HoeScene]):
         """The machine as it stands now, its blade up."""
         state = self.core.state
         along, _, across = state.place[0]
-        return self._show(float(state.cart[0]), np.array([along, across, self._config.process.clearance_m]))
+        high = self._config.passing.clearance_m + ridge_height(self.core.machine.ridges, float(across))
+        return self._show(float(state.cart[0]), np.array([along, across, high]))
 
     def moving(self, plan: WeederPlan, phases_s: Array, time_s: Array) -> Iterator[Show[HoeScene]]:
         """The machine at times (n,) of a decision."""
-        tip = tip_way(self._config.process, plan, phases_s, time_s)
+        tip = tip_way(self._config.passing, plan, phases_s, time_s, self.core.machine.ridges)
         cart = plan.cart[0] + plan.speed[0, V.before] * time_s
         for x, place in zip(cart.tolist(), tip, strict=True):
             yield self._show(x, place)

@@ -38,6 +38,7 @@ from .....kernels import bind, compiled
 from .....kernels.config import Config, num
 from .....motion import QUINTIC
 from ....core import Array
+from ...ridges import FLAT, Ridges, lift_time
 from ...timing import A, Approach, Place
 
 
@@ -97,8 +98,11 @@ class LaserReach(Config):
         return self.travel_m + self.lean_m
 
 
-def poses(reach: LaserReach, beam: ArrayLike, cart_m: ArrayLike) -> Array:
-    """Mechanism poses (..., 4) for beam coordinates (..., 3) at cart positions (...)."""
+def poses(reach: LaserReach, beam: ArrayLike, cart_m: ArrayLike, rise_m: ArrayLike = 0.0) -> Array:
+    """Mechanism poses (..., 4) for beam coordinates (..., 3) at cart positions (...).
+
+    The ground lies ``rise_m`` (...) higher than what the mechanism is mounted for.
+    """
     coordinates = np.asarray(beam, dtype=np.float64)
     tangent = coordinates[..., A.lean] / reach.gap_m
     beta = np.arctan(tangent)
@@ -106,7 +110,7 @@ def poses(reach: LaserReach, beam: ArrayLike, cart_m: ArrayLike) -> Array:
     return np.stack(
         [
             coordinates[..., A.carrier] - np.asarray(cart_m, dtype=np.float64),
-            np.full_like(alpha, reach.platform_z_m),
+            np.full_like(alpha, reach.platform_z_m) - rise_m,
             alpha,
             beta,
         ],
@@ -114,10 +118,10 @@ def poses(reach: LaserReach, beam: ArrayLike, cart_m: ArrayLike) -> Array:
     )
 
 
-def spot(reach: LaserReach, pose: ArrayLike, cart_m: ArrayLike) -> Array:
-    """World place (..., 2) where the beam of mechanism poses (..., 4) meets the targets' height."""
+def spot(reach: LaserReach, pose: ArrayLike, cart_m: ArrayLike, rise_m: ArrayLike = 0.0) -> Array:
+    """World place (..., 2) where the beam of mechanism poses (..., 4) meets the height of targets ``rise_m`` higher."""
     p = np.asarray(pose, dtype=np.float64)
-    gap = reach.base_height_m - reach.target_height_m - p[..., 1]
+    gap = reach.base_height_m - reach.target_height_m - p[..., 1] - rise_m
     cart = np.asarray(cart_m, dtype=np.float64)
     along = cart + p[..., 0] + gap * np.tan(p[..., 3])
     return np.stack([along, gap * np.tan(p[..., 2]) / np.cos(p[..., 3])], axis=-1)
@@ -138,6 +142,7 @@ class LaserArm(NamedTuple):
         early_s: longest wait for a target in front of the window.
         pace_s_m: see ``LaserReach``.
         square_pace_s2_m: see ``LaserReach``.
+        ridges: which the platform follows.
     """
 
     front_m: float
@@ -149,9 +154,10 @@ class LaserArm(NamedTuple):
     early_s: float
     pace_s_m: tuple[float, float, float]
     square_pace_s2_m: tuple[float, float, float]
+    ridges: Ridges
 
     @classmethod
-    def of(cls, reach: LaserReach, early_s: float) -> LaserArm:
+    def of(cls, reach: LaserReach, early_s: float, ridges: Ridges = FLAT) -> LaserArm:
         """The numbers of a configuration."""
         return cls(
             float(reach.front_m),
@@ -162,6 +168,7 @@ class LaserArm(NamedTuple):
             float(reach.expected_move_s),
             float(early_s),
             *reach.paces,
+            ridges,
         )
 
 
@@ -186,6 +193,7 @@ def approach(
     lean = min(max((along_m - (cart_m + passed)) * share, -arm.lean_m), arm.lean_m)
     carrier = along_m - lean
     move_s = move_time(arm, carrier - place.carrier_m, lean - place.lean_m, across_m - place.across_m)
+    move_s = max(move_s, lift_time(arm, place.across_m, across_m))
     ahead = carrier - cart_m
     wait_s = max((ahead - arm.travel_m) / speed_m_s - move_s, 0.0)
     behind = ahead - speed_m_s * (move_s + wait_s) - speed_m_s * stand_s

@@ -10,7 +10,7 @@ from .....kernels.config import nested
 from .....simulation.weeder_model import WeederParameters
 from ....core import Array
 from ...config import FieldTask
-from .aim import LaserReach
+from .aim import LaserReach, poses
 from .process import ProcessConfig
 
 PRESETS = {
@@ -35,6 +35,12 @@ PRESETS = {
 in proportion. On the spot both are 1.9-2.8 J/mm2: a dose belongs to its spot. ``settled``: before a shot the platform
 settles for 0.25 s, as an industrial parallel robot does to within 0.1 mm [published: ABB IRB 365, ISO 9283]."""
 
+CORNERS = np.array(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3)).reshape(3, -1).T
+"""Of the window in three coordinates, and the middles between them."""
+
+EXCESS_M = 0.05
+"""Moves may overshoot the range of X by this."""
+
 
 @dataclass(frozen=True)
 class WeedingConfig(FieldTask):
@@ -46,6 +52,29 @@ class WeedingConfig(FieldTask):
     """What the beam does to plants."""
     machine: WeederParameters = nested(WeederParameters)
     """Masses, motors and friction; the reach sets its ``base_height_m``, the cart its ``camera_ahead_m``."""
+
+    def check(self) -> None:
+        """Hold the platform to where its legs take it, over the crop and on and off the ridges."""
+        super().check()
+        bed = self.scenario.bed
+        if bed.flat:
+            return
+        aim, mechanism = self.aim, self.parameters.mechanism
+        ends = np.array([aim.travel_m + EXCESS_M, aim.lean_m, aim.half_width_m]) * CORNERS
+        for level_m in bed.levels_m:
+            pose = poses(aim, ends, 0.0, level_m)
+            if pose[0, 1] <= 0.0 or not mechanism.reachable(pose).all():
+                self.refuse(
+                    "scenario.bed.crop_height_m" if bed.ridge_m == 0.0 else "scenario.bed.ridge_m",
+                    f"the legs do not hold the platform {pose[0, 1]:.3f} m below their base all over the window: give "
+                    "less, or another scenario.bed.frame_m",
+                )
+
+    @property
+    def aim(self) -> LaserReach:
+        """The reach over the scenario's crop: the platform stands as much higher as the crop is taller."""
+        taller_m = self.scenario.bed.taller_m
+        return self.reach if taller_m == 0.0 else replace(self.reach, gap_m=self.reach.gap_m + taller_m)
 
     @property
     def parameters(self) -> WeederParameters:
@@ -65,7 +94,7 @@ class WeedingConfig(FieldTask):
     @property
     def tool_line(self) -> tuple[float, float, float]:
         """The beam: from the platform's middle to the growing points."""
-        return self.reach.gap_m, self.reach.target_height_m, 0.0
+        return self.aim.gap_m, self.reach.target_height_m, 0.0
 
     @property
     def looks_after(self) -> bool:

@@ -12,6 +12,7 @@ from ....vector import TaskVectorEnv
 from ...config import DEMANDS, SCENARIOS
 from ...core import WeederOutcome, WeedingCore
 from ...perception import PerceptionModel
+from ...ridges import Ridges
 from ...state import WeederPlan
 from .aim import LaserArm
 from .config import PRESETS, WeedingConfig
@@ -22,7 +23,7 @@ from .process import LaserProcess
 
 def laser_core(config: WeedingConfig, perception: PerceptionModel | None, worlds: int = 1) -> WeedingCore:
     """The weeding rules with the laser as their tool."""
-    arm = LaserArm.of(config.reach, config.cart.early_s)
+    arm = LaserArm.of(config.aim, config.cart.early_s, Ridges.of(config.scenario))
     return LaserCore(config, arm, LaserProcess(config.process), perception, worlds)
 
 

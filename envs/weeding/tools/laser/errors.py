@@ -8,8 +8,9 @@ from .....kernels import compiled
 from ....core import Array
 from ....drives import settled
 from ...core import WeedingCore
+from ...ridges import ridge_heights
 from ...state import V, WeederPlan
-from ...timing import WORK, P, way_of
+from ...timing import WORK, A, P, way_of
 from .aim import poses, spot
 from .config import WeedingConfig
 from .process import B
@@ -36,14 +37,15 @@ class LaserCore(WeedingCore):
             phases[:, P.move] + phases[:, P.wait], phases[:, WORK + B.correct], phases[:, WORK + B.burn]
         )
         cart = pose[:, 0] * 0.0
-        stroke = poses(self.config.reach, plan.target, cart) - poses(self.config.reach, plan.start, cart)
+        aim, begin = self.config.aim, ridge_heights(self.machine.ridges, plan.start[:, A.across])
+        stroke = poses(aim, plan.target, cart, self._rise(plan)) - poses(aim, plan.start, cart, begin)
         return settled(mechanism.pose_error(pose, off) - rest[:, None] * stroke)
 
     def work_error(self, plan: WeederPlan) -> Array:
         """See ``WeedingCore``."""
         pose, cart, _ = self._burning(plan)
-        reach = self.config.reach
-        return settled(spot(reach, pose + self.tool_error(plan), cart) - spot(reach, pose, cart))
+        aim, rise = self.config.aim, self._rise(plan)
+        return settled(spot(aim, pose + self.tool_error(plan), cart, rise) - spot(aim, pose, cart, rise))
 
     def _burning(self, plan: WeederPlan) -> tuple[Array, Array, Array]:
         """Pose (B, 4), cart (B,) and the cart's speed (B,) in the middle of the burn."""
@@ -51,7 +53,11 @@ class LaserCore(WeedingCore):
         middle_s = phases[:, : WORK + B.burn].sum(axis=1) + 0.5 * phases[:, WORK + B.burn]
         way, speed = _driven(plan.speed, self.config.cart.acceleration_m_s2, middle_s)
         cart = plan.cart + way
-        return poses(self.config.reach, plan.target, cart), cart, speed
+        return poses(self.config.aim, plan.target, cart, self._rise(plan)), cart, speed
+
+    def _rise(self, plan: WeederPlan) -> Array:
+        """Height (B,) of the ridges where the tool works."""
+        return ridge_heights(self.machine.ridges, plan.target[:, A.across])
 
 
 @compiled

@@ -11,6 +11,7 @@ from ....core import Array
 from ....driven import Driven
 from ....shaking import heights_at, lands, ways_at
 from ...core import WeederOutcome, WeedingCore
+from ...ridges import ridge_heights, risen
 from ...state import FAR_M as NOTHING_M
 from ...state import WAIT, V, WeederPlan
 from ...timing import WORK, A, P, ways_of, whole_steps
@@ -41,7 +42,8 @@ class PyBulletWeeder(Driven[WeederPlan, WeederOutcome]):
         """Put the machine where the rules say it stands, its cart driving already."""
         state = self._core.state
         cart = state.cart[:1]
-        pose = poses(self._config.reach, state.place[:1], cart)[0]
+        rise = ridge_heights(self._core.machine.ridges, state.place[:1, A.across])
+        pose = poses(self._config.aim, state.place[:1], cart, rise)[0]
         way = self._ways(cart)[0].tolist() if self._uneven else LEVEL_WAY
         self._machine.reset(float(cart[0]), pose, float(state.speed[0]), way)
 
@@ -59,19 +61,20 @@ class PyBulletWeeder(Driven[WeederPlan, WeederOutcome]):
         phases, steps = whole_steps(plan.phases_s, works, dt)
         time = dt * np.arange(steps + 1, dtype=np.float64)
         cart, beam = trajectory(config, plan, phases, time)
+        rise = risen(self._core.machine.ridges, plan, phases, time)
         burning = np.zeros(steps + 1, bool)
         if works:
             first = round((steps * dt - float(phases[0, WORK + B.burn])) / dt) + 1
             burning[first::_LOOK_EVERY] = True
-        reach = config.reach
-        pose = poses(reach, beam, cart)
+        aim = config.aim
+        pose = poses(aim, beam, cart, rise)
         if self._core.errs:
             share = QUINTIC.sample(time, 1.0, float(phases[0, P.move] + phases[0, P.wait])).position
             pose = self.erring(pose, share, self._core.tool_error(plan)[0])
         if self._uneven:
-            report = self._shaken(plan, phases, cart, beam, pose, burning)
+            report = self._shaken(plan, phases, cart, beam, pose, burning, float(rise[-1]))
         else:
-            report = self._machine.run(cart, pose, reach.target_height_m, burning)
+            report = self._machine.run(cart, pose, aim.target_height_m + float(rise[-1]), burning)
         hit = plan.aim
         if works:
             seen = report.beam[burning[-len(report.beam) :]]
@@ -81,16 +84,23 @@ class PyBulletWeeder(Driven[WeederPlan, WeederOutcome]):
         return WeederOutcome(phases, hit)
 
     def _shaken(
-        self, plan: WeederPlan, phases: Array, cart: Array, beam: Array, pose: Array, burning: NDArray[np.bool_]
+        self,
+        plan: WeederPlan,
+        phases: Array,
+        cart: Array,
+        beam: Array,
+        pose: Array,
+        burning: NDArray[np.bool_],
+        rise_m: float,
     ) -> WeederResult:
-        """Drive poses (n, 4) over uneven ground.
+        """Drive poses (n, 4) over uneven ground; the target stands ``rise_m`` high on its ridge.
 
         What the tool camera sees is seen from where the tool really is: what the drives have left undone of the move is
         a part of the correction.
         """
-        reach, shape, surface = self._config.reach, self._core.tables.shape, self._core.state.surface[0]
+        reach, shape, surface = self._config.aim, self._core.tables.shape, self._core.state.surface[0]
         aim = np.where(plan.aim < NOTHING_M, plan.aim, 0.0)
-        plane_m = reach.target_height_m + float(heights_at(surface, shape, aim)[0])
+        plane_m = reach.target_height_m + rise_m + float(heights_at(surface, shape, aim)[0])
         ways, looked = self._ways(cart), 0
         if plan.correction.any():
             looked = round(float(phases[0, : WORK + B.correct].sum()) / self._dt)

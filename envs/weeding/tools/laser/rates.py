@@ -13,7 +13,7 @@ from .motors import paths
 
 def rates_of(config: WeedingConfig) -> Rates:
     """Of a configuration: the light on the plants, and the legs in the moves from plant to plant."""
-    reach, machine = config.reach, config.parameters
+    reach, machine = config.aim, config.parameters
     start, stroke = moves(np.array([reach.travel_m, reach.lean_m, reach.half_width_m]))
     pace, square = (np.array(values) for values in reach.paces)
     lengths = np.abs(stroke)

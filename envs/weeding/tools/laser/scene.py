@@ -35,14 +35,14 @@ class WeederScene(FieldScene):
     def __init__(self, config: WeedingConfig, parameters: WeederParameters):
         """Add the meshes of everything."""
         super().__init__(config, parameters.camera_height_m)
-        self._reach, self._parameters = config.reach, parameters
-        self.tool = Camera(240, 240, 2.0 * np.arctan(_TOOL_HALF_M / config.reach.gap_m), 0.30, 2.0)
+        self._reach, self._parameters = config.aim, parameters
+        self.tool = Camera(240, 240, 2.0 * np.arctan(_TOOL_HALF_M / config.aim.gap_m), 0.30, 2.0)
         library = self.stage.library
         self._machine = MachineLooks(library, [weeder_robot(parameters)])
         self._order = [JOINTS.index(name) for name in self._machine.joints]
         self._platform = self._machine.links.index("platform")
         half = (_TOOL_HALF_M, _TOOL_HALF_M)
-        self._tool_frustum = library.add(frustum(half, config.reach.gap_m, 0.002))
+        self._tool_frustum = library.add(frustum(half, config.aim.gap_m, 0.002))
         self._beam, self._spot = library.add(cylinder(0.003, _BEAM_M, 12)), library.add(ball(0.0045))
 
     def set_machine(self, cart_m: float, pose: ArrayLike, beam_on: bool = False) -> None:

@@ -12,9 +12,10 @@ from ....core import Array
 from ....shaking import lands
 from ...core import WeedingCore
 from ...perception import TOOL_GATE_M
+from ...ridges import ridge_heights, risen
 from ...state import WAIT, WeederPlan
 from ...straying import NOWHERE_M
-from ...timing import WORK, G, P, way_of
+from ...timing import WORK, A, G, P, way_of
 from ...view import FieldView, Show
 from .aim import poses
 from .config import WeedingConfig
@@ -51,14 +52,16 @@ class WeederView(FieldView[WeederScene]):
     def standing(self) -> Show[WeederScene]:
         """The machine as it stands now, its beam off."""
         state = self.core.state
-        return self._show(float(state.cart[0]), state.place[0], False)
+        rise = ridge_heights(self.core.machine.ridges, state.place[:1, A.across])
+        return self._show(float(state.cart[0]), state.place[0], float(rise[0]), False)
 
     def moving(self, plan: WeederPlan, phases_s: Array, time_s: Array) -> Iterator[Show[WeederScene]]:
         """The machine at times (n,) of a decision; the beam is on while it burns."""
         cart, beam = trajectory(self._config, plan, phases_s, time_s)
         burns = (plan.kind[0] < WAIT) & (time_s >= float(phases_s[0].sum() - phases_s[0, WORK + B.burn]))
-        for x, coordinates, on in zip(cart.tolist(), beam, burns.tolist(), strict=True):
-            yield self._show(x, coordinates, on)
+        rise = risen(self.core.machine.ridges, plan, phases_s, time_s)
+        for x, coordinates, higher, on in zip(cart.tolist(), beam, rise.tolist(), burns.tolist(), strict=True):
+            yield self._show(x, coordinates, higher, on)
 
     def aim_at(self, index: int, action: int) -> None:
         """Have the tool camera look at the weed that an action fires at, and correct the rules' aim."""
@@ -72,7 +75,7 @@ class WeederView(FieldView[WeederScene]):
 
     def tool_aim(self, told: Array) -> Array | None:
         """Where the tool camera sees the plant that it was sent to, (2,), or None."""
-        reach = self._config.reach
+        reach = self._config.aim
         centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
         return nearest_seen(self.camera_scene().look_tool(centre, told), told)
 
@@ -92,7 +95,7 @@ class WeederView(FieldView[WeederScene]):
         before, after = plan.speed[0].tolist()
         way, _ = way_of(before, after, self._config.cart.acceleration_m_s2, time_s)
         cart, (carrier, lean, across) = float(plan.cart[0]) + way, plan.target[0].tolist()
-        told, reach = np.array([carrier + lean, across]), self._config.reach
+        told, reach = np.array([carrier + lean, across]), self._config.aim
         eye = np.array([carrier, 0.0, reach.target_height_m + reach.gap_m])
         seen = nearest_seen(self.camera_scene().look_tool(eye, told, cart), told)
         if seen is not None:
@@ -101,6 +104,6 @@ class WeederView(FieldView[WeederScene]):
             )
             self.treat_near(seen)
 
-    def _show(self, cart_m: float, beam: Array, on: bool) -> Show[WeederScene]:
-        pose = poses(self._config.reach, beam[None], np.array([cart_m]))[0]
+    def _show(self, cart_m: float, beam: Array, rise_m: float, on: bool) -> Show[WeederScene]:
+        pose = poses(self._config.aim, beam[None], np.array([cart_m]), rise_m)[0]
         return lambda scene: scene.set_machine(cart_m, pose, on)
