@@ -103,7 +103,9 @@ class ScenarioConfig(Config):
     @property
     def crops(self) -> int:
         """Crop plants that can stand in the working width or reach into it; one of each row beyond each end."""
-        return self.bed.rows * (int(self.strip_m / self.crop_pitch_m) + 3)
+        # On the shortest strip too, so many that each has all its neighbours on both sides.
+        fewest = 0 if self.bed.rows == 1 else 1
+        return self.bed.rows * (max(int(self.strip_m / self.crop_pitch_m), fewest) + 3)
 
     @property
     def rows_m(self) -> tuple[float, ...]:

@@ -245,7 +245,7 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         """See ``TaskCore.misplaced``."""
         tracks, plants = self.state.track_real.shape[1], self.state.plant_kind.shape[1]
         near = self.state.track_near
-        limits = {N.weed: self.weeds_end - PAD - 1, N.crop: plants - self.weeds_end - 1}  # a neighbour on each side
+        limits = {N.weed: self.weeds_end - PAD - 1, N.crop: plants - self.weeds_end - self.tables.crop_beside}
         if any(not ((near[..., side] >= 0) & (near[..., side] < limit)).all() for side, limit in limits.items()):
             return "track_near"
         return outside(
