@@ -249,7 +249,7 @@ def test_everything_that_the_rules_may_command_is_within_the_mechanism():
 def test_the_load_is_what_its_name_says():
     for name, scenario in SCENARIOS.items():
         config = HoeWeedingConfig(scenario=scenario)
-        load = scenario.density_per_m2 * scenario.band_m * config.speed_m_s * config.service_s
+        load = scenario.density_per_m2 * scenario.weedy_m * config.speed_m_s * config.service_s
         assert load == pytest.approx(scenario.offered_load, rel=0.03), name
 
 

@@ -287,7 +287,7 @@ def test_every_tier_runs(scenario):
 def test_the_load_is_what_its_name_says():
     for name, scenario in SCENARIOS.items():
         config = WeedingConfig(scenario=scenario)
-        load = scenario.density_per_m2 * scenario.band_m * config.speed_m_s * config.service_s
+        load = scenario.density_per_m2 * scenario.weedy_m * config.speed_m_s * config.service_s
         assert load == pytest.approx(scenario.offered_load, rel=0.02), name
 
 

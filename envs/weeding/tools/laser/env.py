@@ -93,7 +93,7 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
     Args:
         scenario: tiers by offered load: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` (40 weeds per
             m2, clumped), ``"load-1.0-even"``, ``"load-1.6-even"``, ``"dense"`` (100 per m2 at load 1), ``"field"`` (a
-            worn machine on ground that shakes, at load 1.25).
+            worn machine on ground that shakes, at load 1.25), ``"ridged"`` (twin rows on ridges, at load 1.25).
         backend: ``"pybullet"`` drives the closed-loop machine on a moving cart, ``"analytic"`` computes its motion.
         perception: ``"camera"`` renders and segments images of both cameras, ``"model"`` draws from statistics measured
             on such images, ``"perfect"`` reports every weed where it is. Default: camera with PyBullet, model with the
