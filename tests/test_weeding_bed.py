@@ -196,7 +196,7 @@ def test_the_neighbouring_rows_are_painted_beside_the_outer_ones():
     config = WeedingConfig(scenario=RIDGED)
     scene = WeederScene(config, config.parameters)
     own = np.array([[0.1, -0.1], [0.1, 0.1]])
-    scene.load(np.zeros((0, 2)), *(np.zeros(0, np.int64),) * 2, np.zeros(0), own, 3)
+    scene.load(np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), own, 3)
     scene.plant_around(0.0)
     assert np.unique(scene.stage.things("plants").shift[:, 1].round(9)).tolist() == [-0.3, -0.1, 0.1, 0.3]
     scene.close()

@@ -18,16 +18,14 @@ class BedConfig(Config):
     """Crop rows within the working width, ``row_m`` apart, about its middle [assumed]."""
     row_band_m: float | None = num(None, 0.01, 2.0, "m")
     """Width about each row in which weeds grow: what lies between has been hoed. None: they grow over the whole width
-    [published: hoes between rows leave 0.08-0.12 m about a row]."""
+    [assumed]."""
     crop_height_m: float = num(USUAL_CROP_M, 0.0, 0.6, "m")
     """Height of the crop: platform or blade passes as much higher over the ground as it is taller than 0.05 m
     [assumed]."""
     ridge_m: float = num(0.0, 0.0, 0.3, "m")
-    """Height of the ridge under each row over the furrows; 0: flat [published: 0.05-0.25 m, low ones under vegetables,
-    high ones under potatoes]."""
+    """Height of the ridge under each row over the furrows; 0: flat [assumed; no usable source was found]."""
     ridge_width_m: float = num(0.2, 0.02, 2.0, "m")
     """Width of a ridge at its foot; it rises and falls without an edge [assumed]."""
-
     frame_m: float = num(0.0, -0.3, 0.3, "m")
     """How much higher than usual the machine's frame is set over the furrows before it drives, as one sets a tool bar,
     so that the tool reaches furrow and ridge [assumed]."""

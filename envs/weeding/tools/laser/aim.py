@@ -110,7 +110,7 @@ def poses(reach: LaserReach, beam: ArrayLike, cart_m: ArrayLike, rise_m: ArrayLi
     return np.stack(
         [
             coordinates[..., A.carrier] - np.asarray(cart_m, dtype=np.float64),
-            np.full_like(alpha, reach.platform_z_m) - rise_m,
+            np.full_like(alpha, reach.platform_z_m) - np.asarray(rise_m, dtype=np.float64),
             alpha,
             beta,
         ],
@@ -121,7 +121,7 @@ def poses(reach: LaserReach, beam: ArrayLike, cart_m: ArrayLike, rise_m: ArrayLi
 def spot(reach: LaserReach, pose: ArrayLike, cart_m: ArrayLike, rise_m: ArrayLike = 0.0) -> Array:
     """World place (..., 2) where the beam of mechanism poses (..., 4) meets the height of targets ``rise_m`` higher."""
     p = np.asarray(pose, dtype=np.float64)
-    gap = reach.base_height_m - reach.target_height_m - p[..., 1] - rise_m
+    gap = reach.base_height_m - reach.target_height_m - p[..., 1] - np.asarray(rise_m, dtype=np.float64)
     cart = np.asarray(cart_m, dtype=np.float64)
     along = cart + p[..., 0] + gap * np.tan(p[..., 3])
     return np.stack([along, gap * np.tan(p[..., 2]) / np.cos(p[..., 3])], axis=-1)
