@@ -26,7 +26,7 @@ class WeedSettings:
         close_m: gaps up to this width are closed: thin grass breaks up.
         smallest_m2: plants below are dirt, or crumbs of other plants.
         rim_m: what lies within this distance of a broad leaf belongs to it.
-        row_half_m: crop plants stand within this distance of the row's middle.
+        row_half_m: crop plants stand within this distance of a row's middle.
         crop_m2: plants in the row from this area on are crop plants.
         crop_leaf_m: half the width that only the leaves of crop plants have.
         leaf_m2: (broadleaf, grass) pairs of areas that part cotyledon, two-leaf and four-leaf.
@@ -118,21 +118,21 @@ def _disc(width_px: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width_px, width_px)), np.uint8)
 
 
-class Row(NamedTuple):
-    """What has to be known to tell crop from weed: ``across_m``, where the crop row runs."""
+class Rows(NamedTuple):
+    """What has to be known to tell crop from weed: ``across_m``, where the crop rows run."""
 
-    across_m: float = 0.0
-
-
-MIDDLE_ROW = Row()
+    across_m: tuple[float, ...] = (0.0,)
 
 
-def detect(frame: Frame, context: Row = MIDDLE_ROW, settings: WeedSettings | None = None) -> Seedlings:
+MIDDLE_ROW = Rows()
+
+
+def detect(frame: Frame, context: Rows = MIDDLE_ROW, settings: WeedSettings | None = None) -> Seedlings:
     """Segment a picture from above, part plants that touch, and say what stands where.
 
     Args:
         frame: a picture; its depth is not looked at, the ground is taken for a plane.
-        context: the crop row under it.
+        context: the crop rows under it.
         settings: thresholds.
     """
     rgb, _, (intrinsics, world_from_camera) = frame
@@ -179,7 +179,8 @@ def detect(frame: Frame, context: Row = MIDDLE_ROW, settings: WeedSettings | Non
     stage = (area[:, None] > np.array(chosen.leaf_m2)[species]).sum(axis=1)
     height = np.array(chosen.stem_m)[species, stage]
     position = on_plane(np.array(stems, float).reshape(-1, 2), intrinsics, world_from_camera, height)
-    crop = (area >= chosen.crop_m2) & (np.abs(position[:, 1] - context.across_m) <= chosen.row_half_m)
+    beside = np.abs(position[:, 1:] - np.array(context.across_m)).min(axis=1)
+    crop = (area >= chosen.crop_m2) & (beside <= chosen.row_half_m)
     return Seedlings(position, area, species, stage, crop, np.array(boxes, np.int64).reshape(-1, 4), np.array(fills))
 
 

@@ -10,7 +10,7 @@ from fieldgym.perception.frames import CameraPose, Frame
 from fieldgym.perception.regions import regions
 from fieldgym.perception.rosettes import Rosette, best, blade_foot, broad_bodies, part, sees, slenderness
 from fieldgym.perception.weeds import (
-    Row,
+    Rows,
     Seedlings,
     WeedSettings,
     WeedTracker,
@@ -156,7 +156,7 @@ def test_a_crop_plant_is_one_only_in_the_row():
     rgb = painted(lambda m: leaves(m, (60, 160), 44, 24, [0.0, 60.0, 120.0, 180.0, 240.0, 300.0]))
     assert not detect(seen(rgb)).crop.any()
     row = -(60 - 200) * PIXEL_M
-    assert detect(seen(rgb), Row(row)).crop.tolist() == [True]
+    assert detect(seen(rgb), Rows((row,))).crop.tolist() == [True]
 
 
 def test_an_empty_field_has_no_plants():

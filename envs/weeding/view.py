@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...perception.weeds import Seedlings, WeedTracker, detect
+from ...perception.weeds import Rows, Seedlings, WeedTracker, detect
 from ...rendering.shots import MACHINE
 from ..core import Array, Sight, StepResult, View
 from ..pixels import on_picture
@@ -47,7 +47,7 @@ class FrontCamera:
     def __init__(self, scene: FieldScene, start_m: float, drift: float):
         """Begin before the strip: the machine has been driving for a camera's view already."""
         self._scene, self._drift = scene, drift
-        self.tracker = WeedTracker()
+        self.tracker, self._rows = WeedTracker(), Rows(scene.config.scenario.rows_m)
         cart = scene.config.cart
         self._ahead_m, self._half_view_m = cart.camera_ahead_m, 0.5 * cart.camera_view_m - WHOLE_M
         # Pictures from before the strip came into view show nothing of it.
@@ -58,7 +58,7 @@ class FrontCamera:
         """Take the pictures that are due until the cart is at ``cart_m``."""
         while self.next_m <= cart_m:
             frame = self._scene.look_front(self.next_m)
-            found = detect(frame)
+            found = detect(frame, self._rows)
             middle, half = self.next_m + self._ahead_m, self._half_view_m
             self.tracker.update(found, self.next_m, (middle - half, middle + half))
             self.last = frame.rgb, found
