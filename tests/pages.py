@@ -39,7 +39,7 @@ MORE = {
 }
 """Options that a command gets where the page gives none of that name."""
 _FEW = (
-    "{num_envs: 2, n_steps: 32, batch_size: 32, evaluation_episodes: 2, evaluate_every: 1, teacher_decisions: 300, "
+    "{num_envs: 2, n_steps: 32, batch_size: 32, evaluation_episodes: 2, evaluate_every: 1, teacher_decisions: 1500, "
     "teacher_epochs: 1}"
 )
 SMALL = f"defaults: {_FEW}\npixels: {_FEW}\n"
