@@ -11,6 +11,7 @@ from fieldgym import bounds
 from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.bounds import shots, strip, timeline, weeding
+from fieldgym.envs.rough_config import LEVEL
 from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.core import WeederOutcome, WeedingCore
 from fieldgym.envs.weeding.field import WeedField
@@ -122,7 +123,7 @@ def test_no_policy_beats_the_bound(env_id, scenario, no_policy_beats):
 @pytest.mark.slow
 @pytest.mark.parametrize("env_id", [LASER, SPEED])
 @pytest.mark.parametrize(
-    "scenario", [name for name, scenario in SCENARIOS.items() if scenario.ground.iso_class == "none"]
+    "scenario", [name for name, scenario in SCENARIOS.items() if scenario.ground.iso_class == LEVEL]
 )
 def test_no_policy_beats_the_bound_in_any_field(env_id, scenario, no_policy_beats):
     no_policy_beats(env_id, range(3), scenario)
