@@ -12,11 +12,11 @@ from fieldgym.envs.sorting import calibration as sorting
 from fieldgym.envs.transplanting import calibration as transplanting
 from fieldgym.envs.transplanting.config import SCENARIOS as TRAYS
 from fieldgym.envs.weeding.config import SCENARIOS as FIELDS
+from fieldgym.envs.weeding.straying import WHOLE_M
 from fieldgym.envs.weeding.tools.laser import calibration as weeding
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
 from fieldgym.envs.weeding.tools.laser.view import WeederView
-from fieldgym.envs.weeding.view import WHOLE_M
 from fieldgym.perception.trays import TraySettings
 from fieldgym.perception.weeds import detect
 

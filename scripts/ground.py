@@ -20,6 +20,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.table import Table
 
@@ -57,7 +58,7 @@ def batch_scores(env_id: str, fields: int, scenario: str, policy: str, settings:
         autoreset_mode=gym.vector.AutoresetMode.DISABLED,
     )
     chooser = make_policy(policy, env, 0)  # type: ignore[arg-type]
-    observation, _ = env.reset(seed=list(range(fields)))
+    observation, _ = env.reset(seed=list(range(fields)))  # type: ignore[arg-type]
     chooser.reset(np.ones(fields, bool))
     over, scores = np.zeros(fields, bool), {}
     while not over.all():
@@ -122,7 +123,7 @@ def profile(options: argparse.Namespace) -> Table:
     looks = np.random.default_rng(0).random(options.fields)
     places = np.column_stack([_AT_M, np.zeros(len(_AT_M))])
 
-    def rms(values: Sequence[Any], factor: float) -> str:
+    def rms(values: ArrayLike, factor: float) -> str:
         return f"{factor * np.sqrt((np.asarray(values, float) ** 2).mean()):.2f}"
 
     for iso_class in CLASSES[1:]:

@@ -18,8 +18,7 @@ from fieldgym.agents.rollout import begin, decisions
 from fieldgym.envs import env_ids, task
 from fieldgym.scripts import cli
 from fieldgym.scripts.film import film
-from fieldgym.scripts.run import FRAMES_PER_SECOND
-from fieldgym.wrappers import Filming, RecordField
+from fieldgym.wrappers import FRAMES_PER_SECOND, Filming, RecordField
 
 HOE, SORTING = "fieldgym/HoeWeeding-v0", "fieldgym/ProduceSorting-v0"
 SMALL: dict[str, Any] = {"backend": "analytic", "perception": "perfect", "width": 96}

@@ -23,7 +23,8 @@ from fieldgym.envs.transplanting.config import (
     Tray,
 )
 from fieldgym.envs.transplanting.core import TransplantingCore, TransplantOutcome
-from fieldgym.envs.transplanting.machine import EMPTY_HANDED, moves
+from fieldgym.envs.transplanting.errors import EMPTY_HANDED
+from fieldgym.envs.transplanting.machine import moves
 
 ID = "fieldgym/TrayTransplanting-v0"
 
