@@ -1,6 +1,7 @@
 """Bounds beside results: computed once, believed, and noticed when they are beaten."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -73,7 +74,9 @@ def test_nothing_is_asked_where_no_bound_is_known(bound: Record):
 @pytest.mark.slow
 @pytest.mark.parametrize("env_id", bounds.bounded_ids())
 def test_no_result_of_the_full_suite_s_first_seeds_beats_its_bound(env_id: str, tmp_path):
-    tiny = suite("full").narrowed(env_id=env_id, episodes=2, backend="analytic")
+    whole = suite("full").narrowed(env_id=env_id, episodes=2, backend="analytic")
+    # Cameras may report anything, and a demand counts otherwise: they have no bound.
+    tiny = replace(whole, cases=tuple(case for case in whole.cases if case.bounded))
     report = run_suite(tiny, tmp_path)
     assert report.failures == [] and report.violations == []
     assert len(report.bounds) == 2
