@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .....kernels.config import nested
+from .....kernels.config import ConfigError, nested
 from .....simulation.hoe_model import HoeParameters
 from ....core import Array
 from ...config import FieldTask
@@ -34,20 +34,25 @@ class HoeWeedingConfig(FieldTask):
 
     def check(self) -> None:
         """Hold the blade to where the mechanism takes it, over the crop and on and off the ridges."""
-        super().check()
         bed = self.scenario.bed
+        tall = "scenario.bed.crop_height_m" if bed.ridge_m == 0.0 else "scenario.bed.ridge_m"
+        try:
+            passing = self.passing
+        except ConfigError:
+            self.refuse(tall, "no hoe passes over that: give less")
+        super().check()
         if bed.flat:
             return
         parameters, (furrow_m, ridge_m) = self.parameters, bed.levels_m
         pose = np.zeros((9, 6))
         ends = np.array(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 2)).reshape(2, -1).T
-        ways = (ridge_m + self.passing.clearance_m, EXCESS_M), (furrow_m - max(self.process.depth_m), 0.0)
+        ways = (ridge_m + passing.clearance_m, EXCESS_M), (furrow_m - max(self.process.depth_m), 0.0)
         for height_m, excess_m in ways:
             pose[:, :2] = ends * [self.reach.travel_m + excess_m, self.reach.half_width_m]
             pose[:, 2] = height_m - parameters.lowest_tip_m
             if not parameters.mechanism.reachable(pose).all():
                 self.refuse(
-                    "scenario.bed.crop_height_m" if bed.ridge_m == 0.0 else "scenario.bed.ridge_m",
+                    tall,
                     f"the arms do not hold the blade at {height_m:.3f} m over the level that they are mounted for all "
                     "over the window: give less, or another scenario.bed.frame_m",
                 )
