@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .declared import Assumption, End
-from .eyes import scaled
+from .eyes import scaled, tracking, with_numbers
 
 FIELD = (
     Assumption(
@@ -88,3 +88,27 @@ RECALL = Assumption(
     "A",
     "Kept: fitted to pictures of drawn plants, which flatter the detector.",
 )
+
+
+TILT = Assumption(
+    "track error of a tilting frame, mm an axis",
+    "0",
+    End("4, as on ISO class C", eyes=tracking(0.004)),
+    End("12, as on ISO class D", eyes=tracking(0.012)),
+    "from ISO 8608 roughness and a paddy field of 645e-6 m3 (Hujos 3072), camera 0.85-1.45 m up",
+    "D",
+    "Corrected by the scenarios that shake the ground.",
+)
+
+
+def drift(decided: str) -> Assumption:
+    """The drift of the odometry, and what is made of it."""
+    return Assumption(
+        "odometry drift, share of the way",
+        "0.01",
+        End("0.006", eyes=with_numbers(drift_share=0.006)),
+        End("0.038", eyes=with_numbers(drift_share=0.038)),
+        "below 0.006 downward stereo (lathe rig); 0.0376 visual odometry over 1.8 km of crop (diva2:1166554)",
+        "A",
+        decided,
+    )

@@ -3,28 +3,11 @@
 from __future__ import annotations
 
 from .declared import Assumption, Dossier, End, Yardstick
-from .eyes import tracking, with_numbers
-from .fields import CROP_GAPS, DENSITY, FIELD, PATCHES, PITCH, RECALL, STAGES
+from .fields import CROP_GAPS, DENSITY, FIELD, PATCHES, PITCH, RECALL, STAGES, TILT, drift
 
 _TOOL = (
-    Assumption(
-        "odometry drift, share of the way",
-        "0.01",
-        End("0.006", eyes=with_numbers(drift_share=0.006)),
-        End("0.038", eyes=with_numbers(drift_share=0.038)),
-        "below 0.006 downward stereo (lathe rig); 0.0376 visual odometry over 1.8 km of crop (diva2:1166554)",
-        "A",
-        "Kept: between the two; no camera looks at the blade, so odometry decides.",
-    ),
-    Assumption(
-        "track error of a tilting frame, mm an axis",
-        "0",
-        End("4, as on ISO class C", eyes=tracking(0.004)),
-        End("12, as on ISO class D", eyes=tracking(0.012)),
-        "from ISO 8608 roughness and a paddy field of 645e-6 m3 (Hujos 3072), camera 0.85-1.45 m up",
-        "D",
-        "Corrected by the scenarios that shake the ground.",
-    ),
+    drift("Kept: between the two; no camera looks at the blade, so odometry decides."),
+    TILT,
     Assumption(
         "depth that uproots half, mm",
         "6",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from .declared import Assumption, Dossier, End, Yardstick
-from .eyes import aiming, tracking, with_numbers
-from .fields import CROP_GAPS, DENSITY, FIELD, PATCHES, PITCH, RECALL, STAGES
+from .eyes import aiming, with_numbers
+from .fields import CROP_GAPS, DENSITY, FIELD, PATCHES, PITCH, RECALL, STAGES, TILT, drift
 
 _MOTION = (
     Assumption(
@@ -57,24 +57,8 @@ _MOTION = (
         "M",
         "Kept; commercial machines turn mirrors instead of a platform of 5 kg.",
     ),
-    Assumption(
-        "track error of a tilting frame, mm an axis",
-        "0",
-        End("4, as on ISO class C", eyes=tracking(0.004)),
-        End("12, as on ISO class D", eyes=tracking(0.012)),
-        "from ISO 8608 roughness and a paddy field of 645e-6 m3 (Hujos 3072), camera 0.85-1.45 m up",
-        "D",
-        "Corrected by the scenarios that shake the ground.",
-    ),
-    Assumption(
-        "odometry drift, share of the way",
-        "0.01",
-        End("0.006", eyes=with_numbers(drift_share=0.006)),
-        End("0.038", eyes=with_numbers(drift_share=0.038)),
-        "below 0.006 downward stereo (lathe rig); 0.0376 visual odometry over 1.8 km of crop (diva2:1166554)",
-        "A",
-        "Kept: between the two; the tool camera's gate of 22 mm makes more of it costly.",
-    ),
+    TILT,
+    drift("Kept: between the two; the tool camera's gate of 22 mm makes more of it costly."),
     Assumption(
         "camera to use, s",
         "0.15",
