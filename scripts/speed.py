@@ -4,7 +4,8 @@
 
 Every figure is the best of several repetitions in CPU time of the one thread that does the work (another process on the
 core costs repetitions, not figures), and what is compared is measured side by side in the same run. What threads bring
-is by the wall's clock and needs idle cores: the first line of its section says whether they are.
+is by the wall's clock and needs idle cores: the first line of its section says whether they are. So is the live page's
+rate, whose browser shares them.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from fieldgym.scripts.speed_parts import profile, resets
 from fieldgym.scripts.speed_peers import peers
 from fieldgym.scripts.speed_pictures import looks, pictures
 from fieldgym.scripts.speed_threads import threads
+from fieldgym.scripts.speed_viewer import viewer
 
 
 def tracking(_: bool) -> Iterator[Line]:
@@ -51,6 +53,7 @@ SECTIONS: dict[str, Callable[[bool], Iterator[Line]]] = {
     "pictures": pictures,
     "looks": looks,
     "tracking": tracking,
+    "viewer": viewer,
 }
 
 

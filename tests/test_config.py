@@ -5,30 +5,23 @@ from __future__ import annotations
 import copy
 import json
 import pickle
-from dataclasses import FrozenInstanceError, dataclass, field, fields, replace
-from decimal import Decimal
-from fractions import Fraction
-from functools import cached_property
-from math import inf, isnan, nan
+from dataclasses import FrozenInstanceError, dataclass, field, replace
+from math import inf, nan
 from types import MappingProxyType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
+from checked import TASK, Arm, Process, Task, Tray, holds, refusal
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldgym.envs.task import task, tasks
 from fieldgym.kernels.config import (
     Config,
-    ConfigError,
-    choice,
-    flag,
     from_mapping,
-    nested,
     num,
     override,
-    text,
     to_mapping,
 )
 from fieldgym.kernels.config_fields import entries
@@ -36,109 +29,6 @@ from fieldgym.kernels.config_files import parse_yaml
 from fieldgym.kernels.config_tables import documented, rows, schema
 
 pytestmark = pytest.mark.portable
-
-
-@dataclass(frozen=True)
-class Arm:
-    """A machine's geometry, no configuration: it checks itself."""
-
-    lengths_m: tuple[float, float] = (0.175, 0.350)
-    hangs: bool = True
-
-    def __post_init__(self) -> None:
-        if min(self.lengths_m) <= 0.0:
-            raise ValueError(f"lengths_m = {self.lengths_m}:\ngive lengths > 0")
-
-
-@dataclass(frozen=True)
-class Process(Config):
-    """Picking one head.
-
-    More than the first paragraph.
-    """
-
-    locate_s: float = num(7.304, 0.0, 600.0, "s")
-    """Locating one head [identified: 16 s per head]."""
-    strokes: tuple[int, int, int] = num((1, 2, 3), 0, 50, "")
-    """Shear strokes over the head [assumed]."""
-    power_w: float | None = num(None, 1e-3, 1e4, "W")
-    """Optical power [assumed], if [published range 5-200] is known."""
-    corner_m: float = num(inf, 1e-6, inf, "m")
-    """Largest corner radius."""
-    recall: tuple[tuple[float, ...], ...] = num(((0, 1), (0.5,)), 0, 1, "")
-    """By stage."""
-    mode: str = choice("fast", ("fast", "slow"))
-    """How."""
-    law: Literal["quintic", "septic"] = choice("quintic", ("quintic", "septic"))
-    """Motion law."""
-    repeats: int = num(1, 0, inf, "")
-    """Any number."""
-    spot_m: tuple[float, float] | None = num(None, -1, 1, "m")
-    """A place."""
-
-    def check(self) -> None:
-        """Strokes ascend."""
-        if list(self.strokes) != sorted(self.strokes):
-            self.refuse("strokes", "give them in ascending order")
-
-    @cached_property
-    def total(self) -> int:
-        """All strokes."""
-        return sum(self.strokes)
-
-
-@dataclass(frozen=True)
-class Tray(Config):
-    """A tray [all assumed]."""
-
-    cells: int = num(..., 1, 1000, "")
-    """Cells."""
-    name: str = text(...)
-    """Name."""
-
-
-@dataclass(frozen=True)
-class Task(Config):
-    """Everything."""
-
-    slots: int = num(..., 1, 64, "")
-    """Candidates."""
-    tray: Tray = nested(...)
-    """The tray."""
-    process: Process = nested(Process)
-    """Picking."""
-    slow: Process = nested(Process(locate_s=30.0))
-    """Slow picking."""
-    arm: Arm = nested(Arm)
-    """Geometry."""
-    spares: tuple[Tray, ...] = nested(())
-    """Further trays."""
-    other: Tray | None = nested(None)
-    """Another tray."""
-    potted: bool = flag(False)
-    """Whether the plants stand in pots."""
-
-    def check(self) -> None:
-        """Rules between the parts."""
-        if self.tray.cells < self.slots:
-            self.refuse("tray.cells", f"give {self.slots} at least")
-        if self.slots == 13:
-            raise OverflowError("unlucky\nnumber")
-
-
-TASK = Task(4, Tray(72, "a"))
-
-
-def refusal(make: Any, *arguments: Any, **values: Any) -> str:
-    """The line that a refusal prints."""
-    with pytest.raises(ConfigError) as caught:
-        make(*arguments, **values)
-    line = str(caught.value)
-    assert isinstance(caught.value, ValueError)
-    assert line.isprintable(), line
-    assert len(line) < 500
-    assert str(pickle.loads(pickle.dumps(caught.value))) == line
-    return line
 
 
 @pytest.mark.parametrize(
@@ -196,155 +86,6 @@ def test_refusals_of_the_other_kinds() -> None:
     assert refusal(Tray, 1, b"x") == "Tray.name = b'x': give a text of printable characters"
     assert refusal(Task, 5, Tray(4, "a")) == "Task.tray.cells = 4: give 5 at least"
     assert refusal(Task, 13, Tray(40, "a")) == "Task: unlucky number"
-
-
-# What may come from files, arrays, command lines and mistakes.
-POOL = [
-    *(nan, inf, -inf, None, True, False, "", "x", "7.3", "1e-3", "no", "inf", b"1", 0, 1, -1, 2, 16, 16.0, 0.5, -0.0),
-    *(1e-320, 1.8e308, 1e300, 10**400, -(10**9000), 2**53 + 1, 1j, Decimal(1), Fraction(1, 2), ..., object, object()),
-    *(
-        (),
-        [],
-        {},
-        set(),
-        [1],
-        (1, 2, 3),
-        [1, 2, 3],
-        [1, 2.0, 3],
-        ["1", 2, 3],
-        (1, 2),
-        range(3),
-        iter([1]),
-        [[1], [0.5]],
-    ),
-    *([[[]]], [None], [nan], {"cells": 1}, {"cells": 1, "name": "x"}, {1: 2}, {"a.b": 1}, [{"cells": 1, "name": "x"}]),
-    *(np.int64(3), np.uint64(2**64 - 1), np.int8(-1), np.float64(0.5), np.float32(0.1), np.float16(1), np.bool_(True)),
-    *(np.longdouble(1), np.str_("fast"), np.timedelta64(3), np.datetime64("2024-01-01"), np.complex128(1)),
-    *(np.array(1.0), np.arange(3), np.ones(3), np.ones((2, 2)), np.array([True] * 3), np.array(["a"] * 3)),
-    *(np.array([nan] * 3), np.array([1, None, 2], object), np.zeros((0, 3)), np.ma.masked_all(3)),
-    *(
-        Arm(),
-        Process(),
-        Tray(1, "x"),
-        Tray,
-        Process,
-        "fast",
-        "slow",
-        "septic",
-        "\ud800",
-        "a" * 10**5,
-        [0] * 10**4,
-        [["x" * 50] * 6] * 6,
-    ),
-]
-
-
-class Hostile:
-    """Its repr fails, and so does everything else."""
-
-    def __repr__(self) -> str:
-        raise RuntimeError("no\nrepr")
-
-    __str__ = __eq__ = __hash__ = __float__ = __int__ = __index__ = __len__ = __iter__ = __repr__  # type: ignore
-
-
-Hostile_list = type("list", (Hostile,), {})
-"""What shortens a repr goes by the class's name, and so asks for its length."""
-
-
-class Loud:
-    """Its repr has many lines."""
-
-    def __repr__(self) -> str:
-        return "\n\x1b[31m" * 300
-
-
-def holds(value: Any, annotation: Any) -> bool:
-    """Whether a value has exactly the annotated type, down to the last part, and is no NaN."""
-    origin, arguments = get_origin(annotation), get_args(annotation)
-    if origin is Literal:
-        return type(value) is str and value in arguments
-    if origin is tuple:
-        kinds = arguments[:1] * len(value) if arguments[-1] is ... else arguments
-        return type(value) is tuple and len(value) == len(kinds) and all(map(holds, value, kinds))
-    if arguments:  # optional
-        return any(value is None if part is type(None) else holds(value, part) for part in arguments)
-    return type(value) is annotation and not (annotation is float and isnan(value))
-
-
-def try_value(config: Config, name: str, value: Any) -> None:
-    """A value is taken as its declared type, or refused in one line that names its field."""
-    cls = type(config)
-    annotation = get_type_hints(cls)[name]
-    full = f"{cls.__name__}.{name}"
-    for way in ("make", "mapping"):
-        try:
-            made = replace(config, **{name: value}) if way == "make" else from_mapping(cls, {name: value}, config)
-        except ConfigError as error:
-            line = str(error)
-            assert line.isprintable()
-            assert len(line) < 500
-            assert line.startswith(full if way == "make" else name) or line.startswith("Task.tray.cells"), line
-            continue
-        assert holds(getattr(made, name), annotation), (name, value)
-        hash(made)
-        again = from_mapping(cls, json.loads(json.dumps(to_mapping(made), allow_nan=False)))
-        assert again == made
-        assert all(holds(getattr(again, item.name), get_type_hints(cls)[item.name]) for item in fields(cls))
-
-
-@pytest.mark.parametrize("config", [Process(), TASK, Tray(72, "a")], ids=lambda config: type(config).__name__)
-def test_every_value_is_taken_as_declared_or_refused_in_one_line(config: Config) -> None:
-    for item in fields(config):
-        for value in [*POOL, Hostile(), [Hostile()], Hostile_list(), Loud(), [Loud()] * 3]:
-            try_value(config, item.name, value)
-
-
-ANYTHING = st.recursive(
-    st.one_of(
-        st.none(),
-        st.booleans(),
-        st.integers(),
-        st.floats(),
-        st.text(),
-        st.binary(max_size=3),
-        st.integers(0, len(POOL) - 1).map(lambda place: POOL[place]),
-    ),
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=4), st.tuples(inner, inner, inner), st.dictionaries(st.text(max_size=3), inner)
-    ),
-    max_leaves=12,
-)
-
-
-@given(st.sampled_from([Process(), TASK, Tray(72, "a")]), st.data(), ANYTHING)
-def test_anything_is_taken_as_declared_or_refused_in_one_line(config: Config, data: Any, value: Any) -> None:
-    try_value(config, data.draw(st.sampled_from([item.name for item in fields(config)])), value)
-
-
-NUMBERS = st.one_of(
-    st.integers(-3, 70),
-    st.integers(),
-    st.floats(),
-    st.floats(-1.0, 601.0),
-    st.sampled_from([0, 600, 64, 1, np.nextafter(0.0, -1.0), np.nextafter(600.0, 601.0), 601, 65, 0.0, 600.0]),
-    st.integers(-(2**31), 2**31).map(np.int64),
-    st.floats(width=32).map(np.float32),
-    st.booleans(),
-)
-
-
-@given(NUMBERS)
-def test_a_number_is_taken_exactly_if_it_lies_in_the_range(value: Any) -> None:
-    truth, whole = type(value) is bool, type(value) in (int, np.int64)
-    for make, taken, low, high in (
-        (lambda: Process(locate_s=value).locate_s, not truth, 0, 600),
-        (lambda: replace(TASK, slots=value, tray=Tray(100, "a")).slots, whole and value != 13, 1, 64),
-    ):
-        if taken and low <= value <= high:
-            assert make() == value
-        else:
-            refusal(make)
 
 
 def test_values_come_to_their_declared_types() -> None:

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pages
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -18,9 +19,6 @@ PAGES = [ROOT / name for name in AT_ROOT] + sorted(
     for path in DOCS.rglob("*.md")
     if not MADE & set(path.relative_to(DOCS).parts) and f"{path.stem.upper()}.md" not in AT_ROOT
 )
-sys.path.insert(0, str(ROOT / "tests"))
-pages: Any = importlib.import_module("pages")
-sys.path.remove(str(ROOT / "tests"))
 WITH_CODE = [page for page in PAGES if pages.blocks_of(page.read_text("utf-8"))]
 
 

@@ -1,9 +1,9 @@
 """The browser view in a real browser: its buttons do what they say, and browsers that vanish change nothing."""
 
-import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,21 +14,25 @@ import pytest
 from fieldgym.agents import make_policy
 from fieldgym.agents.policies.base import act_single
 from fieldgym.envs import env_ids, task
+from fieldgym.scripts import chromium
 from fieldgym.scripts.view import seat_of
 from fieldgym.viewer import panels
 from fieldgym.viewer.play import Play
 
 pytest.importorskip("viser", reason="the view extra is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(chromium.PATH is None, reason="there is no Chromium on this machine"),
+]
 
 HOE = "fieldgym/HoeWeeding-v0"
 BESIDE_M = 0.1
 """Cells of a tray stand so near to one another that a click on a small page may take the next one."""
 PATIENCE_S = 120.0
 # The page is drawn in software here; what a person has to see it do may take a while.
-ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+GLANCE_MS = 5000.0
+"""One try at what a page may just be drawing anew."""
 
 
 def served(play: Play, speed: float = 1.0) -> Iterator[Any]:
@@ -53,9 +57,9 @@ def viewer() -> Iterator[Any]:
 @pytest.fixture
 def browser() -> Iterator[Any]:
     with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield chromium
-        chromium.close()
+        one = driver.chromium.launch(executable_path=chromium.PATH, args=list(chromium.ARGUMENTS))
+        yield one
+        one.close()
 
 
 def opened(browser: Any, viewer: Any, width: int = 640) -> Any:
@@ -71,19 +75,36 @@ def press(page: Any, name: str) -> None:
     page.get_by_role("button", name=name, exact=True).dispatch_event("click")
 
 
+def over_and_over(act: Callable[[], None], done: Callable[[], bool], what: str, pause_ms: float = 500.0) -> None:
+    """Do something until it has worked: a page that draws a panel anew meanwhile loses the click."""
+    end = time.monotonic() + PATIENCE_S
+    while not done():
+        assert time.monotonic() < end, what
+        with suppress(playwright.TimeoutError):
+            act()
+        time.sleep(1e-3 * pause_ms)
+
+
 def turn_to(page: Any, tab: str) -> None:
-    page.get_by_role("tab", name=tab, exact=True).click(force=True)
+    place = page.get_by_role("tab", name=tab, exact=True)
+    over_and_over(
+        lambda: place.click(force=True, timeout=GLANCE_MS),
+        lambda: place.get_attribute("aria-selected") == "true",
+        f"{tab} stays behind other tabs",
+    )
 
 
 def pick(page: Any, label: str, option: str) -> None:
-    """Open a list and take an option; a page that draws the list anew meanwhile closes it, so it is opened again."""
+    """Open a list and take an option."""
     wanted = page.get_by_role("option", name=option, exact=True)
-    end = time.monotonic() + PATIENCE_S
-    while not wanted.count():
-        assert time.monotonic() < end, f"{label} does not offer {option}"
-        page.get_by_label(label, exact=True).first.click(force=True)
-        page.wait_for_timeout(500.0)
-    wanted.dispatch_event("click")
+    place = page.get_by_label(label, exact=True).first
+
+    def take() -> None:
+        if not wanted.count():
+            place.click(force=True, timeout=GLANCE_MS)
+        wanted.dispatch_event("click", timeout=GLANCE_MS)
+
+    over_and_over(take, lambda: place.input_value() == option, f"{label} does not come to {option}")
 
 
 def until(what: Callable[[], bool]) -> None:
@@ -94,14 +115,14 @@ def until(what: Callable[[], bool]) -> None:
 
 
 def give_seed(page: Any, viewer: Any, seed: int) -> None:
-    """Type a seed; a page that draws the field anew meanwhile forgets what was typed, so it is typed again."""
-    end = time.monotonic() + PATIENCE_S
-    while viewer.play.seed != seed:
-        assert time.monotonic() < end, f"the seed stays {viewer.play.seed}"
-        place = page.get_by_label("seed", exact=True).first
-        place.fill(str(seed))
-        place.press("Enter")
-        page.wait_for_timeout(2000.0)
+    """Type a seed; a page that draws the field anew meanwhile forgets what was typed."""
+    place = page.get_by_label("seed", exact=True).first
+
+    def typed() -> None:
+        place.fill(str(seed), timeout=GLANCE_MS)
+        place.press("Enter", timeout=GLANCE_MS)
+
+    over_and_over(typed, lambda: viewer.play.seed == seed, "the seed is not taken", 2000.0)
 
 
 def test_buttons_do_what_they_say(viewer: Any, browser: Any):
