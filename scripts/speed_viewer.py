@@ -49,7 +49,7 @@ def viewer(quick: bool) -> Iterator[Line]:
     assert scene is not None
     plants = len(scene.groups["plants"].mesh)
     looking = subprocess.Popen(
-        [sys.executable, "-c", _LOOKING, shown.address, chromium],
+        [sys.executable, "-c", _LOOKING, shown.address],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
