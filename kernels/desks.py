@@ -34,7 +34,7 @@ class Desk(structref.StructRefProxy):
 
     def __new__(cls, rules: Any, worlds: Any, plan: Any) -> Any:
         """Lay the parts on a desk; they are NamedTuples of arrays and numbers, or tuples of such."""
-        return structref.StructRefProxy.__new__(cls, rules, worlds, plan)
+        return _laid(rules, worlds, plan)
 
 
 class PlainDesk:
@@ -46,6 +46,12 @@ class PlainDesk:
 
 
 structref.define_proxy(Desk, DeskType, ["rules", "worlds", "plan"])
+
+
+@compiled
+def _laid(rules: Any, worlds: Any, plan: Any) -> Any:
+    """A desk, by machine code that is kept: Numba's own constructor is compiled anew in every process."""
+    return Desk(rules, worlds, plan)
 
 
 def desk(rules: Any, worlds: Any, plan: Any) -> Any:

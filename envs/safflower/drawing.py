@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import betainc
 
 from ...kernels.elementary import exp
 from ...mechanisms import FiveBar
@@ -47,7 +47,7 @@ def _count_table(scenario: ScenarioConfig) -> NDArray[np.floating]:
     if scenario.dispersion == 0.0:
         return counts / scenario.max_heads
     success = scenario.dispersion / (scenario.dispersion + scenario.mean_heads)
-    return stats.nbinom.cdf(counts, scenario.dispersion, success)
+    return betainc(scenario.dispersion, counts + 1.0, success)
 
 
 def false_table(perception: PerceptionModel, scenario: ScenarioConfig) -> Array:

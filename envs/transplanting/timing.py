@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from ...kernels import compiled
 from ...motion import QUINTIC, Gate, PathMotion, StoppedPath, minimum_time, rounded
@@ -233,8 +232,10 @@ def _gates(gate: Gate, lift_m: float, x: Array, height: Array, ends: NDArray[np.
 
 
 @lru_cache(maxsize=64)
-def _splines(gate: Gate, lift_m: float, widest_m: float) -> tuple[CubicSpline, CubicSpline]:
-    """Duration and length over the width, for gates that are too costly to plan one by one."""
+def _splines(gate: Gate, lift_m: float, widest_m: float) -> tuple[Any, Any]:
+    """Duration and length over the width, cubic splines, for gates that are too costly to plan one by one."""
+    from scipy.interpolate import CubicSpline
+
     widths = np.geomspace(_NARROWEST_M, widest_m, _NODES)
     seconds = gate.durations(lift_m, widths, lift_m)
     return CubicSpline(widths, seconds), CubicSpline(widths, _lengths(gate, lift_m, widths, lift_m))
