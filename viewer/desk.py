@@ -13,6 +13,7 @@ from ..agents.sources import policy_names, policy_source
 from ..envs.task import task
 from . import panels
 from .choices import asked, choice_of, features, possible, shares
+from .controls import Control
 from .play import Play
 from .seat import Seat
 
@@ -66,8 +67,8 @@ class Desk:
         self._play.on_click(lambda _: viewer.order(lambda: viewer.set_running(not viewer.running)))
         self._single = gui.add_button(SINGLE, color="gray")
         self._single.on_click(lambda _: viewer.order(viewer.single))
-        self._speed = gui.add_dropdown("speed", [_speed(x) for x in viewer.speeds], initial_value=_speed(viewer.speed))
-        self._speed.on_update(self._ordered(self._take_speed))
+        speeds = [_speed(x) for x in viewer.speeds]
+        self._control(gui.add_dropdown("speed", speeds, initial_value=_speed(viewer.speed)), self._take_speed)
         self._note = gui.add_markdown("", visible=False)
         self._tabs = gui.add_tab_group()
         with self._tabs.add_tab("Score"):
@@ -77,10 +78,9 @@ class Desk:
             self._rewards = gui.add_html("")
         with self._tabs.add_tab("Decide"):
             self._opinions = gui.add_html("")
-            self._slot = gui.add_dropdown("candidate", [_NONE], initial_value=_NONE)
-            self._slot.on_update(self._ordered(self._take_slot))
+            self._slot = self._control(gui.add_dropdown("candidate", [_NONE], initial_value=_NONE), self._take_slot)
             self._features = gui.add_html("")
-            self._action = gui.add_dropdown("action", [_NONE], initial_value=_NONE)
+            self._action = self._control(gui.add_dropdown("action", [_NONE], initial_value=_NONE))
             self._do = gui.add_button("Do it")
             self._do.on_click(lambda _: viewer.order(self._take_action))
         with self._tabs.add_tab("See"):
@@ -96,33 +96,37 @@ class Desk:
         with self._tabs.add_tab("Played"):
             play = viewer.play
             spec = task(play.env_id)
-            names = [*dict.fromkeys([*policy_names(spec.id), play.policy, *filter(None, [play.against])])]
+            self._names = [*dict.fromkeys([*policy_names(spec.id), play.policy, *filter(None, [play.against])])]
             scenario = self._scenario_of(play)
-            self._policy = gui.add_dropdown("policy", names, initial_value=play.policy)
-            self._against = gui.add_dropdown("against", [NOBODY, *names], initial_value=play.against or NOBODY)
-            self._scenario = gui.add_dropdown(
-                "scenario", [*dict.fromkeys([*spec.scenarios, scenario])], initial_value=scenario
-            )
-            self._seed = gui.add_number("seed", initial_value=play.seed, min=0, max=_MOST_SEED, step=1)
+            scenarios = [*dict.fromkeys([*spec.scenarios, scenario])]
+            others = [NOBODY, *self._names]
+            self._played = {
+                what: self._control(handle, lambda value, what=what: self._take_play(what, value))
+                for what, handle in (
+                    ("policy", gui.add_dropdown("policy", self._names, initial_value=play.policy)),
+                    ("against", gui.add_dropdown("against", others, initial_value=play.against or NOBODY)),
+                    ("scenario", gui.add_dropdown("scenario", scenarios, initial_value=scenario)),
+                    ("seed", gui.add_number("seed", initial_value=play.seed, min=0, max=_MOST_SEED, step=1)),
+                )
+            }
             self._again = gui.add_button(START, color="gray")
-        for control, what in (
-            (self._policy, "policy"),
-            (self._against, "against"),
-            (self._scenario, "scenario"),
-            (self._seed, "seed"),
-        ):
-            control.on_update(self._ordered(lambda value, what=what: self._take_play(what, value)))
         self._again.on_click(lambda _: viewer.order(lambda: viewer.load(viewer.play, fresh=False)))
 
     def loaded(self) -> None:
         """Show that another episode has begun."""
         self._policies = {}
         self._stale = True
+        self._action.renew()
         self._show_play()
         self.running()
 
     def decided(self) -> None:
         """Show what a decision has brought, soon."""
+        self._action.renew()
+        self._stale = True
+
+    def bounded(self) -> None:
+        """Show the bound, soon."""
         self._stale = True
 
     def running(self) -> None:
@@ -184,8 +188,9 @@ class Desk:
         if slot is not None:
             of_slot = [text for text in self._actions if text.startswith(f"slot {slot}:")]
             wanted = best if best in of_slot or not of_slot else of_slot[len(of_slot) // 2]
-        _choose(self._slot, slots, _NONE if slot is None else f"slot {slot}")
-        _choose(self._action, [*self._actions] or [_NONE], wanted)
+        self._slot.offer(_NONE if slot is None else f"slot {slot}", slots)
+        actions = [*self._actions] or [_NONE]
+        self._action.offer(wanted if wanted in actions else actions[0], actions)
         self._do.disabled = seat.over
         self._features.content = (
             panels.boxed("Click a ring in the scene: its features come here.")
@@ -232,6 +237,7 @@ class Desk:
 
     def _take_slot(self, word: str) -> None:
         slot = None if word == _NONE else int(word.split()[1])
+        self._slot.renew()  # it may have gone meanwhile
         if slot != self._viewer.picked:
             self._viewer.pick(slot)
 
@@ -256,28 +262,14 @@ class Desk:
     def _show_play(self) -> None:
         """Have the controls say what is played."""
         play = self._viewer.play
-        for control in (self._policy, self._against):
-            if play.policy not in control.options:
-                control.options = (*control.options, play.policy)
-        for control, value in (
-            (self._policy, play.policy),
-            (self._against, play.against or NOBODY),
-            (self._scenario, self._scenario_of(play)),
-            (self._seed, play.seed),
-        ):
-            if control.value != value:
-                control.value = value
+        self._names = [*dict.fromkeys([*self._names, play.policy])]
+        self._played["policy"].show(play.policy, self._names)
+        self._played["against"].show(play.against or NOBODY, [NOBODY, *self._names])
+        self._played["scenario"].show(self._scenario_of(play))
+        self._played["seed"].show(play.seed)
 
-    def _ordered(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
-        """A control's callback that has its value of that moment taken in the viewer's loop."""
-
-        def callback(event: Any) -> None:
-            # What the desk sets itself is nobody's wish.
-            if event.client is not None:
-                value = event.target.value
-                self._viewer.order(lambda: take(value))
-
-        return callback
+    def _control(self, handle: Any, take: Callable[[Any], None] | None = None) -> Control:
+        return Control(handle, self._server.get_event_loop(), self._viewer.order, take)
 
     def _take_play(self, what: str, value: Any) -> None:
         viewer, play = self._viewer, self._viewer.play
@@ -312,14 +304,6 @@ class Desk:
             legend=uplot.Legend(show=False),
             height=120,
         )
-
-
-def _choose(control: Any, options: list[str], value: str) -> None:
-    """Give a dropdown other options and a value."""
-    if list(control.options) != options:
-        control.options = options
-    if control.value != value and value in options:
-        control.value = value
 
 
 def _speed(value: float) -> str:

@@ -287,7 +287,7 @@ class Viewer:
         def take() -> None:
             if self.play == play:
                 self.bound = found
-                self.desk.decided()
+                self.desk.bounded()
 
         self.order(take)
 
