@@ -3,6 +3,7 @@
 # make test        the tests
 # make test-portable  those of them that may differ from one Python to another
 # make test-slow   those that take more than a few seconds each
+# make mutants     do the tests notice a small mistake in the rules? 300 of them, the better part of an hour
 # make media       the documentation's moving pictures, in docs/media
 # make lint        ruff and pyright
 # make docs        the documentation's site in docs/_build/html; warnings are errors
@@ -33,7 +34,7 @@ INPUTS := pyproject.toml constraints.txt Makefile
 CORE := $(VENV)/.fieldgym-core
 FULL := $(VENV)/.fieldgym-$(EXTRAS)
 
-.PHONY: benchmark leaderboard test test-portable test-slow media lint docs docs-serve linkcheck setup pythons clean
+.PHONY: benchmark leaderboard test test-portable test-slow mutants media lint docs docs-serve linkcheck setup pythons clean
 .DEFAULT_GOAL := benchmark
 
 benchmark: $(CORE)
@@ -53,6 +54,10 @@ test-portable: $(FULL)
 
 test-slow: $(FULL)
 	$(BIN)/python -m pytest -n $(JOBS) -m slow
+
+# Another sample: make mutants MUTANTS="--sample 600 --seed 1". The survivors once more: make mutants MUTANTS=--again
+mutants: $(FULL)
+	$(BIN)/python scripts/mutants.py $(MUTANTS)
 
 media: $(FULL)
 	$(BIN)/python scripts/moving_pictures.py

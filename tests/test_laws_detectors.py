@@ -1,0 +1,260 @@
+"""Every threshold of the detectors decides where it says: pictures of plain patches on either side of it."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from fieldgym.perception import blooms, produce, trays, weeds
+from fieldgym.perception.frames import CameraPose, Frame
+
+HEIGHT, WIDTH, FOCAL = 120, 160, 200.0
+DOWN = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
+"""A camera one metre above the origin that looks straight down; rows of the picture run against the second axis."""
+
+
+def frame(rgb: Any, depth_m: Any, pose: Any = DOWN) -> Any:
+    intrinsics = np.array([[FOCAL, 0.0, 0.5 * WIDTH], [0.0, FOCAL, 0.5 * HEIGHT], [0.0, 0.0, 1.0]])
+    depth = np.full((HEIGHT, WIDTH), depth_m, np.float32) if np.isscalar(depth_m) else np.asarray(depth_m, np.float32)
+    return Frame(np.ascontiguousarray(rgb, np.uint8), depth, CameraPose(intrinsics, pose))
+
+
+def plain(colour: Any) -> np.ndarray:
+    return np.full((HEIGHT, WIDTH, 3), colour, np.uint8)
+
+
+def of_hsv(hue: int, saturation: int, value: int) -> tuple[int, ...]:
+    """The colour that OpenCV reads as such a hue (0-179), saturation and value."""
+    return tuple(
+        int(part) for part in cv2.cvtColor(np.array([[[hue, saturation, value]]], np.uint8), cv2.COLOR_HSV2RGB)[0, 0]
+    )
+
+
+def square(rgb: np.ndarray, colour: Any, top: int, left: int, side: int) -> np.ndarray:
+    rgb[top : top + side, left : left + side] = colour
+    return rgb
+
+
+# Safflower heads
+
+
+@pytest.mark.parametrize(
+    ("colour", "depth_m", "seen"),
+    [
+        ((24, 200, 200), 0.5, True),
+        ((26, 200, 200), 0.5, False),
+        ((0, 200, 200), 0.5, True),
+        ((173, 200, 200), 0.5, True),
+        ((170, 200, 200), 0.5, False),
+        ((10, 122, 200), 0.5, True),
+        ((10, 116, 200), 0.5, False),
+        ((10, 200, 51), 0.5, True),
+        ((10, 200, 48), 0.5, False),
+        ((10, 200, 200), 0.301, True),
+        ((10, 200, 200), 0.299, False),
+        ((10, 200, 200), 0.739, True),
+        ((10, 200, 200), 0.741, False),
+    ],
+)
+def test_filaments_are_of_a_colour_within_reach(colour, depth_m, seen):
+    mask, _ = blooms.filament_mask(plain(of_hsv(*colour)), frame(plain(0), depth_m).depth_m, blooms.BloomSettings())
+    assert mask.all() if seen else not mask.any()
+
+
+def test_a_step_in_depth_parts_filaments():
+    for step_m, parted in ((0.0115, False), (0.0125, True)):
+        depth = np.full((HEIGHT, WIDTH), 0.5, np.float32)
+        depth[:, 80:] += step_m
+        mask, _ = blooms.filament_mask(plain(of_hsv(10, 200, 200)), depth, blooms.BloomSettings())
+        assert bool((mask[:, 79:81] == 0).all()) == parted and mask[:, :78].all() and mask[:, 83:].all()
+
+
+@pytest.mark.parametrize(
+    ("hue", "value", "stage"),
+    [(15, 200, 1), (14, 200, 2), (13, 200, 2), (176, 200, 2), (20, 151, 1), (20, 150, 1), (20, 149, 3), (5, 149, 3)],
+)
+def test_the_stage_is_told_by_the_filaments_colour(hue, value, stage):
+    pixels = np.tile(np.array([hue, 200, value], np.uint8), (9, 1))
+    assert blooms._stage(pixels, blooms.BloomSettings()) == stage
+
+
+def test_a_head_is_where_and_as_large_as_it_shows():
+    """40 pixels at 0.5 m are 0.1 m: more than the average tuft's 8.5 cm2; the centre lies 6 mm below what is seen."""
+    rgb = square(plain((60, 60, 60)), of_hsv(20, 220, 220), 40, 90, 12)
+    found = blooms.detect(frame(rgb, 0.5))
+    area = 144.0 * (0.5 / FOCAL) ** 2
+    middle = [0.506 * (95.5 - 80.0) / FOCAL, -0.506 * (45.5 - 60.0) / FOCAL, 1.0 - 0.506]
+    assert found.position == pytest.approx(np.array([middle]), abs=1e-6)
+    assert found.stage.tolist() == [1]
+    assert found.spread_m == pytest.approx(0.04785 * np.sqrt(area / 8.5e-4), rel=1e-6)
+    assert found.confidence == pytest.approx([min(area / 8.5e-4, 1.0)])
+    assert blooms.detect(frame(square(plain((60, 60, 60)), of_hsv(20, 220, 220), 40, 90, 13), 0.5)).confidence == [1.0]
+
+
+def test_smaller_patches_are_no_heads():
+    for side, heads in ((6, 0), (7, 1)):
+        rgb = square(plain((60, 60, 60)), of_hsv(20, 220, 220), 40, 90, side)
+        assert (side**2 * (0.5 / FOCAL) ** 2 > 2.5e-4) == bool(heads)
+        assert len(blooms.detect(frame(rgb, 0.5)).stage) == heads
+
+
+def test_tufts_that_touch_are_parted_at_their_neck():
+    for apart, heads in ((10, 1), (26, 2)):
+        rgb = plain((60, 60, 60))
+        for column in (60, 60 + apart):
+            cv2.circle(rgb, (column, 60), 14, of_hsv(20, 220, 220), -1)
+        found = blooms.detect(frame(rgb, 0.5))
+        assert len(found.stage) == heads
+        if heads == 2:
+            assert np.sort(found.position[:, 0]) == pytest.approx(np.array([-20.0, 6.0]) / FOCAL * 0.506, abs=2e-3)
+
+
+# Trays
+
+
+@pytest.mark.parametrize(
+    ("middle", "area", "yellow", "report"),
+    [
+        (0.079, 0.5, 0.0, trays.EMPTY),
+        (0.081, 0.5, 0.0, trays.HEALTHY),
+        (0.5, 0.189, 0.0, trays.POOR),
+        (0.5, 0.191, 0.0, trays.HEALTHY),
+        (0.5, 0.5, 0.299, trays.HEALTHY),
+        (0.5, 0.5, 0.301, trays.POOR),
+        (0.079, 0.1, 0.9, trays.EMPTY),
+    ],
+)
+def test_cells_are_told_apart_by_three_thresholds(middle, area, yellow, report):
+    look = trays.CellLook(np.array([middle]), np.array([area]), np.array([yellow]))
+    assert trays.decide(look).tolist() == [report]
+
+
+def row(depth_m: float = 0.9) -> Any:
+    """A cell under the middle of the picture, as wide as 40 pixels, and one beside it; both of the nursery's pitch."""
+    pitch = 40.0 / FOCAL * depth_m
+    return trays.Cells(np.array([[0.0, 0.0, 0.1], [pitch, 0.0, 0.1]]), pitch, pitch)
+
+
+@pytest.mark.parametrize(
+    ("colour", "leaf", "yellow"),
+    [
+        ((80, 140, 60), True, 0.0),
+        ((100, 111, 100), False, 0.0),
+        ((100, 118, 100), True, 0.0),
+        ((30, 59, 30), False, 0.0),
+        ((30, 63, 30), True, 0.0),
+        (of_hsv(36, 200, 200), True, 1.0),
+        (of_hsv(38, 200, 200), True, 0.0),
+    ],
+)
+def test_leaves_are_green_bright_and_yellow_by_their_hue(colour, leaf, yellow):
+    look = trays.look_at_cells(frame(plain(colour), 0.9), row())
+    assert look.area == pytest.approx([1.0 if leaf else 0.0] * 2, abs=0.06)
+    assert look.middle == pytest.approx([1.0 if leaf else 0.0] * 2, abs=0.06)
+    assert look.yellow == pytest.approx([yellow] * 2)
+
+
+def test_leaves_count_where_they_are():
+    """A leaf of 11 x 11 pixels, 10 off the first cell's middle: outside the disc of 6.4 pixels, inside the cell."""
+    rgb = square(plain((90, 80, 70)), (60, 160, 50), 55, 85, 11)
+    look = trays.look_at_cells(frame(rgb, 0.9), row())
+    # Blurred, it is a pixel wider on every side, but for its corners; opened by 2 x 2, it lies a pixel farther on.
+    leaf = [(y, x) for y, x in np.ndindex(13, 13) if (y, x) not in ((0, 0), (0, 12), (12, 0), (12, 12))]
+    near = sum((y - 5) ** 2 + (x + 5) ** 2 <= 6.4**2 for y, x in leaf)
+    assert look.area == pytest.approx([165.0 / 1600.0, 0.0], abs=1e-6)
+    assert look.middle == pytest.approx([near / (np.pi * 6.4**2), 0.0], abs=1e-6)
+    centred = trays.look_at_cells(frame(square(plain((90, 80, 70)), (60, 160, 50), 55, 75, 11), 0.9), row())
+    near = sum((y - 5) ** 2 + (x - 5) ** 2 <= 6.4**2 for y, x in leaf)
+    assert centred.middle == pytest.approx([near / (np.pi * 6.4**2), 0.0], abs=1e-6)
+
+
+# Produce
+
+
+@pytest.mark.parametrize(
+    ("hue", "saturation", "length_m", "grade"),
+    [
+        (40.0, 0.67, 0.0611, 0),
+        (40.0, 0.67, 0.061, 0),
+        (40.0, 0.67, 0.0609, 1),
+        (50.4, 0.69, 0.05, 2),
+        (50.6, 0.69, 0.09, 3),
+        (50.5, 0.69, 0.09, 3),
+        (60.0, 0.68, 0.09, 3),
+    ],
+)
+def test_grades_of_produce_are_told_by_three_thresholds(hue, saturation, length_m, grade):
+    assert produce._grade(produce.ProduceSettings(), hue, saturation, length_m) == grade
+
+
+@pytest.mark.parametrize(
+    ("colour", "above_m", "seen"),
+    [
+        ((125, 40, 100), 0.02, True),
+        ((124, 40, 100), 0.02, False),
+        ((40, 125, 100), 0.02, True),
+        ((40, 124, 100), 0.02, False),
+        ((200, 180, 60), 0.0031, True),
+        ((200, 180, 60), 0.0029, False),
+    ],
+)
+def test_produce_is_warm_and_lies_on_the_belt(colour, above_m, seen):
+    look = frame(plain(colour), 0.8 - above_m)
+    mask = produce.produce_mask(look, produce.Belt(0.2), produce.ProduceSettings())
+    assert mask.all() if seen else not mask.any()
+
+
+# Weeds
+
+
+@pytest.mark.parametrize(("colour", "plant"), [((100, 122, 100), False), ((100, 123, 100), True), ((8, 10, 8), False)])
+def test_plants_are_greener_than_soil(colour, plant):
+    """Excess green from 0.14 on; over the sum of the channels, which counts as 30 where it is darker."""
+    mask = weeds.plant_mask(plain(colour), weeds.WeedSettings().green, 3)
+    assert mask.all() if plant else not mask.any()
+    index = (2 * colour[1] - colour[0] - colour[2]) / max(sum(colour), 30)
+    assert (index > 0.14) == plant or sum(colour) < 40
+
+
+def seedlings(shape: Any, context: Any = weeds.MIDDLE_ROW) -> Any:
+    """What is found of one green shape on soil, under a camera whose pixels are 0.25 mm wide."""
+    rgb = plain((90, 70, 60))
+    shape(rgb, (60, 160, 50))
+    pose = DOWN.copy()
+    pose[2, 3] = 0.05
+    return weeds.detect(frame(rgb, 0.05, pose), context)
+
+
+@pytest.mark.parametrize(("radius", "stage"), [(20, 0), (27, 0), (29, 1), (50, 1)])
+def test_stages_of_broadleaves_are_told_by_their_area(radius, stage):
+    found = seedlings(lambda rgb, green: cv2.circle(rgb, (80, 60), radius, green, -1))
+    assert (found.area_m2 > 1.6e-4).tolist() == [stage > 0]
+    pixels = np.count_nonzero(cv2.circle(np.zeros((HEIGHT, WIDTH), np.uint8), (80, 60), radius, 1, -1))
+    assert found.area_m2 == pytest.approx([pixels * 2.5e-4**2], rel=0.08)
+    assert found.stage.tolist() == [stage] and found.species.tolist() == [0] and not found.crop.any()
+
+
+def test_blades_are_grasses_and_crumbs_are_nothing():
+    blade = seedlings(lambda rgb, green: cv2.line(rgb, (40, 60), (120, 60), green, 5))
+    assert blade.species.tolist() == [1] and blade.fill[0] < 0.20
+    assert len(seedlings(lambda rgb, green: cv2.circle(rgb, (80, 60), 7, green, -1)).area_m2) == 0
+    assert len(seedlings(lambda rgb, green: cv2.circle(rgb, (80, 60), 10, green, -1)).area_m2) == 1
+    # What the first or the last row cuts off is whole in another picture.
+    assert len(seedlings(lambda rgb, green: cv2.circle(rgb, (80, 0), 20, green, -1)).area_m2) == 0
+
+
+@pytest.mark.parametrize(
+    ("at", "hits", "confirmed"), [((0.0119, 0.0), 1, True), ((0.0121, 0.0), 2, False), ((0.0, 0.0), 1, True)]
+)
+def test_tracks_join_within_their_gate(at, hits, confirmed):
+    tracker = weeds.WeedTracker()
+    for cart_m, place in ((0.0, (0.0, 0.0)), (0.05, at)):
+        one = np.array([place])
+        tracker.update(
+            weeds.Seedlings(one, np.ones(1), np.zeros(1, int), np.zeros(1, int), np.zeros(1, bool), one, one[0]),
+            cart_m,
+            (-1.0, 1.0),
+        )
+    assert len(tracker.tracks) == hits
+    assert np.isfinite(tracker.tracks[0].confirmed_m) == confirmed
