@@ -1,6 +1,6 @@
 # make benchmark   the scripted policies on the papers' protocols, in PyBullet; the table ends up in results/quick/
 # make leaderboard every policy on the headline scenarios, under an hour; docs/leaderboard.md and results/report.html
-# make test        the tests
+# make test        the tests; what they print ends with the ten that took longest
 # make test-portable  those of them that may differ from one Python to another
 # make test-slow   those that take more than a few seconds each
 # make mutants     do the tests notice a small mistake in the rules? 300 of them, the better part of an hour
@@ -14,11 +14,14 @@
 #
 # Each target first makes the virtual environment that it needs, once. Another place for it, another Python:
 #   make test VENV=/tmp/venv PYTHON=python3.13
+# Another order of the tests: make test ORDER=anything
 
 VENV ?= .venv
 PYTHON ?=
 EXTRAS ?= dev
 JOBS ?= 2
+# Tests run in an order that chance made: files, and the tests of a file. The same word gives the same order again.
+ORDER ?= 1
 PYENV_ROOT ?= $(HOME)/.pyenv
 
 # Nothing of an active environment may leak into ours.
@@ -28,6 +31,7 @@ unexport VIRTUAL_ENV
 unexport CONDA_PREFIX
 
 BIN := $(VENV)/bin
+PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --random-order-seed=$(ORDER) --durations=10
 SITE := docs/_build/html
 SITED := $(VENV)/.fieldgym-docs
 INPUTS := pyproject.toml constraints.txt Makefile
@@ -46,14 +50,14 @@ leaderboard: $(FULL)
 	PYTHONPATH=docs $(BIN)/python -m fieldsite.front_page
 
 test: $(FULL)
-	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+	$(PYTEST) -m "not slow"
 
 # What may differ from one Python to another.
 test-portable: $(FULL)
-	$(BIN)/python -m pytest -n $(JOBS) -m "portable and not slow"
+	$(PYTEST) -m "portable and not slow"
 
 test-slow: $(FULL)
-	$(BIN)/python -m pytest -n $(JOBS) -m slow
+	$(PYTEST) -m slow
 
 # Another sample: make mutants MUTANTS="--sample 600 --seed 1". The survivors once more: make mutants MUTANTS=--again
 mutants: $(FULL)

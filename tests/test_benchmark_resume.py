@@ -3,10 +3,10 @@
 import json
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from waiting import until
 
 from fieldgym.agents import policy_names
 from fieldgym.benchmark import store
@@ -51,11 +51,7 @@ def test_a_full_suite_killed_in_the_middle_resumes_to_the_same_table(tmp_path: P
 
     process = start(torn)
     episodes, bounds = (torn / "full" / name for name in (store.EPISODES, store.BOUNDS))
-    deadline = time.monotonic() + 120.0
-    while time.monotonic() < deadline and process.poll() is None:
-        if bounds.exists() and bounds.read_bytes().count(b"\n") >= 1:
-            break
-        time.sleep(0.005)
+    until(lambda: process.poll() is not None or (bounds.exists() and bounds.read_bytes().count(b"\n") >= 1))
     process.kill()
     process.communicate()
     wanted = SEEDS * (1 + len(policy_names("fieldgym/SafflowerPicking-v0")))

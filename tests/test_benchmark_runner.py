@@ -5,10 +5,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from waiting import until
 
 from fieldgym.benchmark import runner, store
 from fieldgym.benchmark.record import Record, failed, identity, key
@@ -209,11 +209,14 @@ def test_jobs_must_be_positive(tmp_path: Path):
         runner.run_suite(small_suite(), tmp_path, jobs=0)
 
 
+AT_ONCE = 2
+"""Episodes of as many seeds end at once; the others go on until the folder holds a file ``go-on``."""
 SCRIPT = """
-import os, sys, time
+import os, sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
-from test_benchmark_runner import result_of, small_suite
+from test_benchmark_runner import AT_ONCE, result_of, small_suite
+from waiting import until
 from fieldgym.benchmark import runner
 
 folder, jobs, policies = Path(sys.argv[1]), int(sys.argv[2]), tuple(sys.argv[3].split(","))
@@ -222,10 +225,10 @@ def run(episode, cancelled):
     (folder / f"worker-{{os.getpid()}}").touch()
     if episode.policy == "crash" and episode.seed == 1:
         os._exit(9)
-    for _ in range(int(os.environ.get("TENTHS", "1"))):
-        if cancelled():
-            raise runner_cancelled()
-        time.sleep(0.1)
+    if episode.seed >= AT_ONCE:
+        until(lambda: cancelled() or (folder / "go-on").exists())
+    if cancelled():
+        raise runner_cancelled()
     with open(folder / "ran", "a") as log:
         log.write(f"{{episode.policy}} {{episode.seed}}\\n")
     return result_of(episode)
@@ -265,12 +268,11 @@ def start(script: Path, folder: Path, jobs: int, policies: str, *words: str) -> 
 
 
 def wait_for_lines(path: Path, lines: int, process: "subprocess.Popen[str]") -> None:
-    deadline = time.monotonic() + 60.0
-    while time.monotonic() < deadline and process.poll() is None:
-        if path.exists() and path.read_bytes().count(b"\n") >= lines:
-            return
-        time.sleep(0.02)
-    raise AssertionError(f"{path} did not grow: {process.communicate() if process.poll() is not None else 'timeout'}")
+    def grown() -> bool:
+        assert process.poll() is None, process.communicate()
+        return path.exists() and path.read_bytes().count(b"\n") >= lines
+
+    until(grown, f"{path} did not grow")
 
 
 def alive(pid: int) -> bool:
@@ -287,16 +289,17 @@ def test_ctrl_c_in_the_terminal_ends_quietly_and_resume_completes(tmp_path: Path
     """The terminal sends Ctrl-C to the workers as well: they must not print tracebacks or lose what is written."""
     folder = tmp_path / "results"
     process = start(script, folder, jobs, "first,second")
-    wait_for_lines(folder / store.EPISODES, 3, process)
+    wait_for_lines(folder / store.EPISODES, 2 * AT_ONCE, process)
     os.killpg(process.pid, signal.SIGINT)
     output, errors = process.communicate(timeout=30)
     kept = len(store.read(folder / store.EPISODES))
     assert process.returncode == 130
     assert output == f"stopped: {kept} of 12 episodes are kept\n"
     assert errors == ""
-    assert 3 <= kept < 12
+    assert kept == 2 * AT_ONCE
     finished_before = {key(record) for record in store.read(folder / store.EPISODES)}
     (folder / "ran").unlink()
+    (folder / "go-on").touch()
 
     output, errors = start(script, folder, jobs, "first,second", "--resume").communicate(timeout=60)
     assert output == "12 finished []\n", errors
@@ -309,21 +312,19 @@ def test_ctrl_c_in_the_terminal_ends_quietly_and_resume_completes(tmp_path: Path
 def test_a_killed_benchmark_leaves_no_worker_and_can_be_resumed(tmp_path: Path, script: Path):
     folder = tmp_path / "results"
     process = start(script, folder, 2, "first,second", "--bounds")
-    wait_for_lines(folder / store.EPISODES, 3, process)
-    wait_for_lines(folder / store.BOUNDS, 1, process)
+    wait_for_lines(folder / store.EPISODES, 2 * AT_ONCE, process)
+    wait_for_lines(folder / store.BOUNDS, AT_ONCE, process)
+    until(lambda: len(list(folder.glob("worker-*"))) == 2)
     workers = [int(path.name.removeprefix("worker-")) for path in folder.glob("worker-*")]
-    assert len(workers) == 2
     process.kill()
     process.communicate()
     for name in (store.EPISODES, store.BOUNDS):
         with open(folder / name, "a") as file:
             file.write('{"env_id": "fieldgym/Sta')
-    deadline = time.monotonic() + 20.0
-    while any(map(alive, workers)) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert not any(map(alive, workers))
+    until(lambda: not any(map(alive, workers)), "a worker lives on")
     done_before = {key(record) for name in (store.EPISODES, store.BOUNDS) for record in told_whole(folder / name)}
     (folder / "ran").unlink()
+    (folder / "go-on").touch()
     output, errors = start(script, folder, 2, "first,second", "--bounds", "--resume").communicate(timeout=60)
     assert output == "18 finished []\n", errors
     ran = (folder / "ran").read_text().splitlines()
@@ -336,5 +337,7 @@ def told_whole(path: Path) -> "list[Record]":
 
 @pytest.mark.slow
 def test_a_worker_that_dies_costs_only_its_own_episode(tmp_path: Path, script: Path):
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "go-on").touch()
     output, errors = start(script, tmp_path / "results", 2, "first,crash").communicate(timeout=120)
     assert output.startswith("11 finished [('crash', 1, 'the worker process died"), errors

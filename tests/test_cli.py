@@ -5,11 +5,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
+from waiting import until
 
 import fieldgym
 from fieldgym.agents import policy_names
@@ -200,9 +200,7 @@ def test_ctrl_c_tells_how_to_go_on_and_that_command_completes_the_table(tmp_path
         start_new_session=True,
     )
     path = tmp_path / "quick" / "episodes.jsonl"
-    deadline = time.monotonic() + 60.0
-    while not (path.exists() and path.read_bytes().count(b"\n") >= 5) and time.monotonic() < deadline:
-        time.sleep(0.02)
+    until(lambda: path.exists() and path.read_bytes().count(b"\n") >= 5)
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 130

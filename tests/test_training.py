@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +106,6 @@ train({ID!r}, settings, Path({str(tmp_path)!r}), threads=1, on_update=lambda p: 
     assert run.stdout is not None
     while run.stdout.readline().strip() != "2":
         assert run.poll() is None
-    time.sleep(0.01)
     os.kill(run.pid, signal.SIGKILL)
     run.communicate()
     from fieldgym.agents.learning.training import train

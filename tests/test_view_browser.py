@@ -1,7 +1,6 @@
 """The browser view in a real browser: its buttons do what they say, and browsers that vanish change nothing."""
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from waiting import PATIENCE_S, over_and_over, until
 
 from fieldgym.agents import make_policy
 from fieldgym.agents.policies.base import act_single
@@ -29,8 +29,6 @@ pytestmark = [
 HOE = "fieldgym/HoeWeeding-v0"
 BESIDE_M = 0.1
 """Cells of a tray stand so near to one another that a click on a small page may take the next one."""
-PATIENCE_S = 120.0
-# The page is drawn in software here; what a person has to see it do may take a while.
 GLANCE_MS = 5000.0
 """One try at what a page may just be drawing anew."""
 
@@ -54,12 +52,20 @@ def viewer() -> Iterator[Any]:
     yield from served(Play(HOE, "fifo", seed=3, settings={"backend": "analytic"}))
 
 
-@pytest.fixture
-def browser() -> Iterator[Any]:
+@pytest.fixture(scope="module")
+def started() -> Iterator[Any]:
     with playwright.sync_playwright() as driver:
         one = driver.chromium.launch(executable_path=chromium.PATH, args=list(chromium.ARGUMENTS))
         yield one
         one.close()
+
+
+@pytest.fixture
+def browser(started: Any) -> Iterator[Any]:
+    """A browser without pages, and after the test again."""
+    yield started
+    for context in started.contexts:
+        context.close()
 
 
 def opened(browser: Any, viewer: Any, width: int = 640) -> Any:
@@ -75,20 +81,16 @@ def press(page: Any, name: str) -> None:
     page.get_by_role("button", name=name, exact=True).dispatch_event("click")
 
 
-def over_and_over(act: Callable[[], None], done: Callable[[], bool], what: str, pause_ms: float = 500.0) -> None:
-    """Do something until it has worked: a page that draws a panel anew meanwhile loses the click."""
-    end = time.monotonic() + PATIENCE_S
-    while not done():
-        assert time.monotonic() < end, what
-        with suppress(playwright.TimeoutError):
-            act()
-        time.sleep(1e-3 * pause_ms)
+def tried(act: Callable[[], None]) -> None:
+    """Do something that fails while a page draws a panel anew: the click or the panel is lost."""
+    with suppress(playwright.TimeoutError):
+        act()
 
 
 def turn_to(page: Any, tab: str) -> None:
     place = page.get_by_role("tab", name=tab, exact=True)
     over_and_over(
-        lambda: place.click(force=True, timeout=GLANCE_MS),
+        lambda: tried(lambda: place.click(force=True, timeout=GLANCE_MS)),
         lambda: place.get_attribute("aria-selected") == "true",
         f"{tab} stays behind other tabs",
     )
@@ -104,14 +106,7 @@ def pick(page: Any, label: str, option: str) -> None:
             place.click(force=True, timeout=GLANCE_MS)
         wanted.dispatch_event("click", timeout=GLANCE_MS)
 
-    over_and_over(take, lambda: place.input_value() == option, f"{label} does not come to {option}")
-
-
-def until(what: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not what():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.05)
+    over_and_over(lambda: tried(take), lambda: place.input_value() == option, f"{label} does not come to {option}")
 
 
 def give_seed(page: Any, viewer: Any, seed: int) -> None:
@@ -122,7 +117,7 @@ def give_seed(page: Any, viewer: Any, seed: int) -> None:
         place.fill(str(seed), timeout=GLANCE_MS)
         place.press("Enter", timeout=GLANCE_MS)
 
-    over_and_over(typed, lambda: viewer.play.seed == seed, "the seed is not taken", 2000.0)
+    over_and_over(lambda: tried(typed), lambda: viewer.play.seed == seed, "the seed is not taken", 2.0)
 
 
 def test_buttons_do_what_they_say(viewer: Any, browser: Any):
@@ -176,11 +171,13 @@ def click_on(viewer: Any, page: Any, slot: int) -> None:
     away = 0.6 * (np.asarray(camera.position) - camera.look_at)
     camera.position, camera.look_at = place + away, place
     size = page.viewport_size
-    end = time.monotonic() + PATIENCE_S
-    while viewer.picked is None or np.linalg.norm(slots_m[viewer.picked] - slots_m[slot]) > BESIDE_M:
-        assert time.monotonic() < end, f"slot {slot} is not picked but {viewer.picked}"
-        page.mouse.click(0.5 * size["width"], 0.5 * size["height"])
-        page.wait_for_timeout(500.0)
+
+    def picked() -> bool:
+        return viewer.picked is not None and np.linalg.norm(slots_m[viewer.picked] - slots_m[slot]) <= BESIDE_M
+
+    over_and_over(
+        lambda: page.mouse.click(0.5 * size["width"], 0.5 * size["height"]), picked, f"slot {slot} is not picked"
+    )
 
 
 def test_every_environment_is_played_from_the_page_on_every_backend(any_viewer: Any, browser: Any):
