@@ -3,9 +3,10 @@
 import copy
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
+import leftovers
 import numpy as np
 import pytest
 
@@ -18,6 +19,23 @@ if threading.current_thread() is threading.main_thread() and signal.getsignal(si
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 EXACT = 1e-9
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _registries_of_a_module() -> Iterator[None]:
+    """What the fixtures of a file register, no other file sees."""
+    with leftovers.registries_restored():
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_left_behind() -> Iterator[None]:
+    """Tests run in any order: what one changes beyond itself, another one would find."""
+    before = leftovers.state()
+    with leftovers.registries_restored():
+        yield
+    left = leftovers.changed(before, leftovers.state())
+    assert not left, f"the test leaves changed: {', '.join(left)}"
 
 
 @pytest.fixture

@@ -1,0 +1,47 @@
+"""What a test could leave behind for those that run after it in the same process."""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from fieldgym.envs.task import _POLICIES, _TASKS
+
+OF_TOOLS = {"PYTEST_CURRENT_TEST"}
+"""Variables of the environment that pytest sets."""
+
+
+def state() -> dict[str, Any]:
+    """By name, what tests may change only for themselves."""
+    return {
+        "the working folder": os.getcwd(),
+        "the module path": tuple(sys.path),
+        "what Ctrl-C does": signal.getsignal(signal.SIGINT),
+        "NumPy's handling of errors": np.geterr(),
+        **{f"${name}": value for name, value in os.environ.items() if name not in OF_TOOLS},
+    }
+
+
+def changed(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
+    """Names of what is not as it was."""
+    return sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+
+
+@contextmanager
+def registries_restored() -> Iterator[None]:
+    """Tasks, policies and Gymnasium's ids that are registered within are forgotten: there is no call that does it."""
+    kept: list[tuple[dict[str, Any], dict[str, Any]]] = [
+        (_TASKS, dict(_TASKS)),
+        (_POLICIES, {env_id: dict(own) for env_id, own in _POLICIES.items()}),
+        (gym.registry, dict(gym.registry)),
+    ]
+    yield
+    for registry, before in kept:
+        if registry != before:
+            registry.clear()
+            registry.update(before)

@@ -1,0 +1,41 @@
+"""What a test leaves behind is noticed, and what it registers is forgotten."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import leftovers
+import numpy as np
+import pytest
+
+from fieldgym import env_ids, register_policy, register_task, task
+
+ID = "fieldgym/HoeWeeding-v0"
+
+
+def test_nothing_is_told_where_nothing_changed() -> None:
+    assert leftovers.changed(leftovers.state(), leftovers.state()) == []
+
+
+@pytest.mark.parametrize("name", ["the working folder", "the module path", "NumPy's handling of errors", "$FIELDGYM_X"])
+def test_what_is_left_is_named(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+    before = leftovers.state()
+    with np.errstate(all=None):
+        if name == "the working folder":
+            monkeypatch.chdir(tmp_path)
+        elif name == "the module path":
+            monkeypatch.syspath_prepend(str(tmp_path))
+        elif name.startswith("$"):
+            monkeypatch.setenv(name[1:], "1")
+        else:
+            np.seterr(divide="raise")
+        assert leftovers.changed(before, leftovers.state()) == [name]
+
+
+def test_what_is_registered_within_is_forgotten() -> None:
+    ids, before = env_ids(), dict(gym.registry)
+    with leftovers.registries_restored():
+        register_task(replace(task(ID), id="own/Field-v0"))
+        register_policy(ID, "mine", "nothing:here")
+        assert "own/Field-v0" in env_ids() and "own/Field-v0" in gym.registry
+    assert env_ids() == ids and gym.registry == before
+    register_policy(ID, "mine", "something:else")
