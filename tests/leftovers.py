@@ -12,8 +12,8 @@ import numpy as np
 
 from fieldgym.envs.task import _POLICIES, _TASKS
 
-OF_TOOLS = {"PYTEST_CURRENT_TEST"}
-"""Variables of the environment that pytest sets."""
+OF_TOOLS = {"PYTEST_CURRENT_TEST", "LD_LIBRARY_PATH"}
+"""Variables of the environment that pytest sets, and OpenCV when it is imported."""
 
 
 def state() -> dict[str, Any]:

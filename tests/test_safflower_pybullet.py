@@ -34,8 +34,8 @@ def fixed_order(backend: str, scenario: str, seeds: range) -> np.ndarray:
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_pybullet_agrees_with_analytic(scenario):
     computed, simulated = (fixed_order(backend, scenario, range(2)) for backend in ("analytic", "pybullet"))
-    assert simulated[:, 0] == pytest.approx(computed[:, 0], rel=0.02)
-    assert simulated[:, 1] == pytest.approx(computed[:, 1], abs=0.01)
+    assert simulated[:, 0] == pytest.approx(computed[:, 0], rel=1e-9)
+    assert simulated[:, 1] == pytest.approx(computed[:, 1], abs=0.001)
 
 
 def test_the_machine_stands_where_the_plan_ends():
@@ -46,7 +46,7 @@ def test_the_machine_stands_where_the_plan_ends():
         plan = env.core.plan(np.array([legal[0]]))
         outcome = env.executor.execute(plan)
         assert outcome.tool == pytest.approx(plan.target, abs=5e-4)
-        assert outcome.phases_s.sum() == pytest.approx(plan.phases_s.sum(), abs=0.03)
+        assert outcome.phases_s.sum() == pytest.approx(plan.phases_s.sum(), abs=1e-9)
         env.core.apply(plan, outcome)
     env.close()
 
