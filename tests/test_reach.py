@@ -75,7 +75,8 @@ def test_without_a_folder_that_can_be_written_an_environment_runs_with_one_warni
 
 def test_children_of_tests_hear_ctrl_c_where_the_shell_ignores_it() -> None:
     script = (
-        "import runpy, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); runpy.run_path(sys.argv[1]); "
+        "import os, runpy, signal, sys; sys.path.insert(0, os.path.dirname(sys.argv[1])); "
+        "signal.signal(signal.SIGINT, signal.SIG_IGN); runpy.run_path(sys.argv[1]); "
         "print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)"
     )
     done = run(script, str(Path(__file__).with_name("conftest.py")))
