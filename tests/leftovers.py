@@ -20,7 +20,8 @@ def state() -> dict[str, Any]:
     """By name, what tests may change only for themselves."""
     return {
         "the working folder": os.getcwd(),
-        "the module path": tuple(sys.path),
+        # Libraries add folders of their own when they are imported.
+        "the module path": tuple(path for path in sys.path if "site-packages" not in path),
         "what Ctrl-C does": signal.getsignal(signal.SIGINT),
         "NumPy's handling of errors": np.geterr(),
         **{f"${name}": value for name, value in os.environ.items() if name not in OF_TOOLS},
@@ -28,8 +29,8 @@ def state() -> dict[str, Any]:
 
 
 def changed(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
-    """Names of what is not as it was."""
-    return sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+    """Names of what is not as it was; variables that are new are none: libraries set theirs when they are imported."""
+    return sorted(name for name, value in before.items() if after.get(name) != value)
 
 
 @contextmanager

@@ -74,13 +74,13 @@ def short(field: Field, rows: int = 3) -> Field:
 
 
 def sources(folder: Path, seeds: int) -> list[tuple[type[Field], str, str]]:
-    """Types, endings and texts of drawn fields of every task, short ones and a whole one."""
+    """Types, endings and texts of drawn fields of every task, short ones first, then whole ones."""
     found = []
-    for env_id in env_ids():
-        parts = task(env_id).assembly
-        config = parts.configured()
-        core = parts.core(config, parts.perception_model(parts.default_perception("analytic"), config), 1)
-        for seed in range(seeds):
+    assemblies = [task(env_id).assembly for env_id in env_ids()]
+    for seed in range(seeds):
+        for parts in assemblies:
+            config = parts.configured()
+            core = parts.core(config, parts.perception_model(parts.default_perception("analytic"), config), 1)
             field = core.draw_field(np.random.default_rng(seed))
             for ending in (".csv", ".geojson"):
                 path = folder / f"whole{ending}"
@@ -92,8 +92,10 @@ def sources(folder: Path, seeds: int) -> list[tuple[type[Field], str, str]]:
 def check(folder: Path, files: int, seeds: int) -> tuple[int, int]:
     """Read damaged files; returns how many were refused and how many made a field."""
     texts, dice, refused, made = sources(folder, seeds), random.Random(1), 0, 0
+    some = texts[: len(texts) // seeds]
     for _ in range(files):
-        field_type, ending, text = dice.choice(texts)
+        # Most of a whole field are rows like others, and reading it takes three times as long.
+        field_type, ending, text = dice.choice(texts if dice.random() < 0.2 else some)
         path = folder / f"f{ending if dice.random() < 0.98 else '.txt'}"
         path.write_bytes(damaged(text, dice))
         try:
@@ -120,6 +122,6 @@ def test_damaged_files_are_refused_in_one_line_or_are_fields(tmp_path: Path):
 
 @pytest.mark.slow
 def test_many_damaged_files_are_refused_in_one_line_or_are_fields(tmp_path: Path):
-    refused, made = check(tmp_path, files=100_000, seeds=2)
-    assert refused > 30_000
-    assert made > 3_000
+    refused, made = check(tmp_path, files=50_000, seeds=2)
+    assert refused > 15_000
+    assert made > 1_500
