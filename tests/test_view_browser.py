@@ -173,7 +173,7 @@ def click_on(viewer: Any, page: Any, slot: int) -> None:
     size = page.viewport_size
 
     def picked() -> bool:
-        return viewer.picked is not None and np.linalg.norm(slots_m[viewer.picked] - slots_m[slot]) <= BESIDE_M
+        return viewer.picked is not None and bool(np.linalg.norm(slots_m[viewer.picked] - slots_m[slot]) <= BESIDE_M)
 
     over_and_over(
         lambda: page.mouse.click(0.5 * size["width"], 0.5 * size["height"]), picked, f"slot {slot} is not picked"
