@@ -8,7 +8,8 @@
 # make lint        ruff and pyright
 # make docs        the documentation's site in docs/_build/html; warnings are errors
 # make docs-serve  the same, served at http://127.0.0.1:8000
-# make linkcheck   ask every external link of the site; needs the network
+# make linkcheck   follow every link within the site, to files and to headings
+# make linkcheck-elsewhere  ask every link that leads elsewhere; needs the network
 # make pythons     which Pythons this machine has for it, the preferred one first
 # make clean       delete what the other targets made, the results and the user's cache folder excepted
 #
@@ -38,7 +39,8 @@ INPUTS := pyproject.toml constraints.txt Makefile
 CORE := $(VENV)/.fieldgym-core
 FULL := $(VENV)/.fieldgym-$(EXTRAS)
 
-.PHONY: benchmark leaderboard test test-portable test-slow mutants media lint docs docs-serve linkcheck setup pythons clean
+.PHONY: benchmark leaderboard test test-portable test-slow mutants media lint docs docs-serve linkcheck linkcheck-elsewhere \
+    setup pythons clean
 .DEFAULT_GOAL := benchmark
 
 benchmark: $(CORE)
@@ -78,7 +80,10 @@ docs: $(SITED)
 docs-serve: docs
 	$(BIN)/python -m http.server --bind 127.0.0.1 --directory $(SITE) 8000
 
-linkcheck: $(SITED)
+linkcheck: docs
+	PYTHONPATH=docs $(BIN)/python -m fieldsite.links $(SITE)
+
+linkcheck-elsewhere: $(SITED)
 	$(BIN)/python -m sphinx -b linkcheck docs docs/_build/linkcheck
 
 setup: $(FULL)

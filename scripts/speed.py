@@ -29,9 +29,9 @@ from fieldgym.scripts.speed_kinematics import kinematics
 from fieldgym.scripts.speed_lines import Line, as_table
 from fieldgym.scripts.speed_parts import profile, resets
 from fieldgym.scripts.speed_peers import peers
-from fieldgym.scripts.speed_pictures import looks, pictures
+from fieldgym.scripts.speed_pictures import looks, pictures, sights
 from fieldgym.scripts.speed_threads import threads
-from fieldgym.scripts.speed_viewer import viewer
+from fieldgym.scripts.speed_viewer import training, viewer
 
 
 def tracking(_: bool) -> Iterator[Line]:
@@ -51,9 +51,11 @@ SECTIONS: dict[str, Callable[[bool], Iterator[Line]]] = {
     "threads": threads,
     "profile": profile,
     "pictures": pictures,
+    "sights": sights,
     "looks": looks,
     "tracking": tracking,
     "viewer": viewer,
+    "training": training,
 }
 
 

@@ -1,4 +1,4 @@
-"""Pictures: every camera, what people are shown, and what the detectors take of a look."""
+"""Pictures: every camera, what people and policies are shown, and what the detectors take of a look."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ import gymnasium as gym
 
 from fieldgym.agents import act_single, make_policy, reference_policy
 from fieldgym.envs import env_ids, task
+from fieldgym.envs.pixels import DEFAULT_ROWS
 from fieldgym.scripts.beside_tiny import times_s
-from fieldgym.scripts.speed_lines import Line
+from fieldgym.scripts.speed_lines import Line, best_of
 from fieldgym.scripts.takes import takes
 
 WARM_UP = 5
@@ -29,6 +30,18 @@ def pictures(quick: bool) -> Iterator[Line]:
         own_s, theirs_s = times_s(take, 7 if quick else 15, 1 if quick else 3)
         name = f"picture for people, {take.name}" if take.people else take.name
         yield Line(name, 1e3 * own_s, "ms", take.target_ms, True, f"PyBullet {1e3 * theirs_s:.0f} ms")
+
+
+def sights(quick: bool) -> Iterator[Line]:
+    """Pictures as observations."""
+    for env_id in env_ids():
+        env: Any = gym.make(env_id, backend="analytic", observation="pixels")
+        env.reset(seed=3)
+        view = env.unwrapped.view
+        seconds = best_of(lambda v=view: v.sight(DEFAULT_ROWS), 4 if quick else 12)
+        env.close()
+        name = env_id.removeprefix("fieldgym/").removesuffix("-v0")
+        yield Line(f"{name}, a picture to decide by", 1e3 * seconds, "ms", note=f"{DEFAULT_ROWS} rows")
 
 
 def looks(quick: bool) -> Iterator[Line]:

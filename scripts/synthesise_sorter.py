@@ -15,6 +15,9 @@ The hoe hangs over a crop row. Required, level and under the same limits: a box 
 Among the layouts on a raster of 5 mm in l and 10 mm in D the one with the shortest links is taken; ties go to the
 largest smallest singular value (speeds of joints per speed of the platform) over the required set. The slider range is
 what the required set uses, rounded outwards to 5 mm, with the cylinders standing on z = 0.
+
+It ends with what the chosen sorter reaches: the largest radius about the axis at half the cylinders' height, for every
+tilt direction and every yaw up to the given one, and where yaw and tilt end on the axis.
 """
 
 from __future__ import annotations
@@ -33,6 +36,7 @@ MIN_PLATFORM_LOCK = 0.25
 GRIP_RADIUS_M, PLACE_RADIUS_M, HEIGHT_M = 0.15, 0.20, 0.10
 TILT_RAD, YAW_RAD = np.deg2rad(15.0), np.deg2rad(45.0)
 HOE_HALF_LENGTH_M, HOE_HALF_WIDTH_M = 0.18, 0.215
+TILTS_DEG, YAWS_DEG, STEP_M = (0, 15, 20, 30, 40), (0, 45, 60), 0.005
 _ANY_SLIDER_M = (-10.0, 10.0)
 
 
@@ -107,6 +111,37 @@ def main() -> None:
                 f"{candidate.largest_condition_number:13.2f}",
                 f"{candidate.smallest_lock:7.3f}",
             )
+    sorter = ThreePRRS.sorter()
+    print("reach in m  yaw 0  +-45 deg  +-60 deg")
+    for tilt_deg in TILTS_DEG:
+        row = (reach_m(sorter, np.deg2rad(tilt_deg), np.deg2rad(yaw_deg)) for yaw_deg in YAWS_DEG)
+        print(f"tilt {tilt_deg:2d} deg ", *(f"{radius_m:8.3f}" for radius_m in row))
+    for name, column in (("yaw", 5), ("tilt", 3)):
+        print(f"on the axis {name} ends at {last_deg(sorter, column)} deg")
+
+
+def reach_m(machine: ThreePRRS, tilt_rad: float, yaw_rad: float) -> float:
+    """Largest radius, in steps of 5 mm, all around which a tilt to any side goes with every yaw up to ``yaw_rad``."""
+    radius_m = 0.0
+    while machine.reachable(_around(radius_m + STEP_M, tilt_rad, yaw_rad)).all():
+        radius_m += STEP_M
+    return radius_m
+
+
+def last_deg(machine: ThreePRRS, column: int) -> int:
+    """The last whole degree of a turn on the axis."""
+    poses = np.zeros((91, 6))
+    poses[:, 2], poses[:, column] = 0.5 * HEIGHT_M, np.deg2rad(np.arange(91))
+    return int(np.flatnonzero(~machine.reachable(poses))[0]) - 1
+
+
+def _around(radius_m: float, tilt_rad: float, yaw_rad: float) -> np.ndarray:
+    azimuths = np.deg2rad(np.arange(0.0, 360.0, 10.0))
+    circle = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)
+    poses = np.zeros((36, 36, 13, 6))
+    poses[..., :2], poses[..., 2] = radius_m * circle[:, None, None], 0.5 * HEIGHT_M
+    poses[..., 3:5], poses[..., 5] = tilt_rad * circle[:, None], np.linspace(-yaw_rad, yaw_rad, 13)
+    return poses.reshape(-1, 6)
 
 
 def _poses(radius_m: float, tilt_rad: float, yaw_rad: float) -> np.ndarray:

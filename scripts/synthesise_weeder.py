@@ -176,6 +176,7 @@ def main() -> None:
     angles = ThreeUPSRPU.weeder()
     chosen = judge(math.degrees(angles.base_angles_rad[2]), math.degrees(angles.platform_angles_rad[2]), poses)
     print(line("ThreeUPSRPU.weeder()", chosen))
+    print(f"ThreeUPSRPU.weeder(): largest condition number of G {angles.conditioning(poses).number.max():.2f}")
 
 
 if __name__ == "__main__":

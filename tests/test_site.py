@@ -139,6 +139,28 @@ def test_links_lead_to_files_and_headings(page: Path, site: Path) -> None:
             )
 
 
+_PRINTS = re.compile(r"`(python (-m |scripts/)|fieldgym [a-z]|make [a-z])|`tests/test_\w+\.py`")
+
+
+def measured(cell: str) -> bool:
+    """Whether it is a decimal figure, or some, without words."""
+    return re.search(r"\d\.\d", cell) is not None and not re.search(r"[a-z]", re.sub(r"<br>|n\.s\.", "", cell), re.I)
+
+
+@pytest.mark.parametrize("page", markdown_pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_a_table_of_measured_figures_names_what_prints_it(page: Path) -> None:
+    """In its section, or where the page begins."""
+    text = page.read_text("utf-8")
+    beginning = text.partition("\n## ")[0]
+    for section in re.split(r"^(?=##+ )", text, flags=re.M):
+        for table in re.findall(r"(?:^\|.*\n)+", section, re.M):
+            rows = [re.split(r"(?<!\\)\|", line)[2:-1] for line in table.splitlines()[2:]]
+            cells = [cell.strip() for row in rows for cell in row if cell.strip()]
+            figures = sum(measured(cell) for cell in cells)
+            if figures > 1 and figures >= 0.3 * len(cells):
+                assert _PRINTS.search(section) or _PRINTS.search(beginning), f"{section.splitlines()[0]}: {table[:200]}"
+
+
 def test_every_page_is_in_the_index() -> None:
     index = (DOCS / "index.md").read_text("utf-8") + (DOCS / "api" / "index.md").read_text("utf-8")
     listed = set(re.findall(r"^([\w/-]+)$", index, re.M))
@@ -148,3 +170,22 @@ def test_every_page_is_in_the_index() -> None:
     pages |= {path.relative_to(DOCS).with_suffix("").as_posix() for path in (DOCS / "notebooks").glob("*.ipynb")}
     names = {page.removeprefix("api/") if page != "api/index" else page for page in pages}
     assert names - listed == {"index"}
+
+
+def test_a_link_that_leads_nowhere_within_the_site_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(DOCS))
+    links: Any = importlib.import_module("fieldsite.links")
+    (tmp_path / "a b").mkdir()
+    (tmp_path / "a b" / "x.html").write_text('<h2 id="two">2</h2><img src="../p.png"><a href="../index.html">up</a>')
+    index = tmp_path / "index.html"
+    index.write_text('<a href="a%20b/x.html#two">2</a><a href="https://example.org/#no">out</a><a href="#top">t</a>')
+    wrong, within, elsewhere = links.broken(tmp_path)
+    assert wrong == ["a b/x.html: ../p.png: no such file", "index.html: #top: no such place on that page"]
+    assert (within, elsewhere) == (4, 1)
+    index.write_text('<a href="a%20b/x.html#three">3</a><a href="../out.html">out</a><p id="top"></p>')
+    (tmp_path / "p.png").touch()
+    (tmp_path.parent / "out.html").touch()
+    assert links.broken(tmp_path)[0] == [
+        "index.html: a%20b/x.html#three: no such place on that page",
+        "index.html: ../out.html: leads out of the site",
+    ]
