@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 UPDATES_PER_S = 30.0
 _CROWDED = {"scenario.density_per_m2": 720.0, "scenario.max_weeds": 2400}
 """Overrides of the weeder's ``dense`` that put so many into the page."""
-_SHORT = "teacher_decisions: 20000, evaluate_every: 16384, evaluation_episodes: 32"
+_SHORT = "teacher_decisions: 60000, evaluate_every: 16384, evaluation_episodes: 32"
 _TRAINS = """
 import json, resource, sys
 from fieldgym.scripts import cli
