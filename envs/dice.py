@@ -9,6 +9,7 @@ from math import ceil, prod, sqrt
 import numpy as np
 from scipy.special import pdtr
 
+from ..kernels.chance import fill_blocks
 from .core import Array
 
 
@@ -18,11 +19,13 @@ def draw_blocks(generators: Sequence[np.random.Generator], lengths: Sequence[int
     What comes first is the same whatever is drawn after it: a field, whatever the camera is.
     """
     blocks = [np.empty((len(generators), length)) for length in lengths]
-    for row, generator in enumerate(generators):
-        for number, block in enumerate(blocks):
-            draw = generator.standard_normal if number % 2 else generator.random
-            draw(out=block[row])
+    fill_blocks(generators, blocks)
     return blocks
+
+
+def begins(lengths: Sequence[int]) -> list[int]:
+    """Where parts of these lengths begin that lie one after the other."""
+    return [sum(lengths[:part]) for part in range(len(lengths))]
 
 
 class Block:

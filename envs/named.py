@@ -22,18 +22,19 @@ class NamedColumns(dict[str, Any]):
 
         Args:
             names: of the columns.
-            values: (B, names); copied, so that later steps do not show through.
-            present: (B,), the worlds that the block is of; the others' values are 0.
+            values: (B, names), which nobody writes to any more: those of a page.
+            present: (B,), the worlds that the block is of, alike; the others' values are 0.
         """
         # Not empty: JSON's encoder takes a dictionary's size before it asks for its entries.
         super().__init__({names[0]: None} if len(names) else {})
-        self._waiting: tuple[Any, ...] | None = (names, np.where(present[:, None], values, 0.0), present)
+        self._waiting: tuple[Any, ...] | None = (names, values, present)
 
     def filled(self) -> dict[str, Any]:
         """Itself, with its entries."""
         if self._waiting is not None:
             (names, values, present), self._waiting = self._waiting, None
-            for name, column in zip(names, values.T.copy(), strict=True):
+            kept = values if present.all() else np.where(present[:, None], values, 0.0)
+            for name, column in zip(names, kept.T.copy(), strict=True):
                 super().__setitem__(name, column)
                 super().__setitem__("_" + name, present.copy())
         return self
@@ -54,19 +55,20 @@ class NamedColumns(dict[str, Any]):
 def info_of(
     blocks: Mapping[str, tuple[Sequence[str], NDArray[np.float64]]],
     mask: NDArray[np.int8],
-    present: NDArray[np.bool_],
+    present: NDArray[np.bool_] | None = None,
 ) -> dict[str, Any]:
     """Info of a batch in Gymnasium's layout.
 
     Args:
-        blocks: names and values (B, names) of each block by its name.
+        blocks: names and values (B, names) of each block by its name; nobody writes to the values any more.
         mask: (B, actions), what is possible.
-        present: (B,), the worlds that have an info; the others' values are 0.
+        present: (B,), the worlds that have an info, by default all; the others' values are 0.
     """
-    info: dict[str, Any] = {"action_mask": np.where(present[:, None], mask, np.int8(0))}
-    info["_action_mask"] = present.copy()
+    there = np.ones(len(mask), np.bool_) if present is None else present.copy()
+    shown = mask.copy() if present is None else np.where(there[:, None], mask, np.int8(0))
+    info: dict[str, Any] = {"action_mask": shown, "_action_mask": there.copy()}
     for name, (names, values) in blocks.items():
-        info[name], info["_" + name] = NamedColumns(names, values, present), present.copy()
+        info[name], info["_" + name] = NamedColumns(names, values, there), there.copy()
     return info
 
 

@@ -29,6 +29,8 @@ Observation = dict[str, NDArray[Any]]
 Rules = TaskCore[Any, Any]
 _REMEMBERED = ("_over", "_ended")
 """What a state holds of the environment itself."""
+_WORTH_SHARING = 8
+"""New episodes a thread that take longer than waking the threads up for them."""
 
 
 class Ending(NamedTuple):
@@ -188,17 +190,25 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
             gymnasium.error.ResetNeeded: a world was not reset yet.
             gymnasium.error.ClosedEnvironmentError: after ``close``.
         """
-        chosen, before, reward = self._checked(actions), self._over, np.empty(self.num_envs)
-        page = self._carry_out(chosen) if self.cameras else self.core.decide(chosen) if self._team.alone else None
-        page, decided = (self.core.blank(), False) if page is None else (page, True)
-        ended = self._team.each(lambda core, where: self._advance(core, where, page, reward, decided, chosen))
+        chosen, before = self._checked(actions), self._over
+        page, ending = self._decide(chosen), None
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and before.any():
+            # The finished worlds stepped along in the batch; what they did is overwritten by their new episode.
+            self._begin(np.flatnonzero(before), page)
+            page.terminated[before], page.truncated[before] = False, False
+        # Added up as the single environment adds its terms.
+        reward = sum((page.numbers[:, i] for i in range(len(self.core.reward_names))), np.zeros(self.num_envs))
         if self.autoreset_mode is AutoresetMode.DISABLED:
             self._rest(before, page)
             reward[before] = 0.0
         self._over = page.terminated | page.truncated
-        extra = self._final([one for one in ended if one]) if any(ended) else {}
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
+            rows, seen = np.flatnonzero(self._over), self._seen(page, self._over)
+            ending = Ending(rows, {name: values[rows] for name, values in seen.items()}, page.numbers[rows])
+            self._begin(rows, page)
+        extra = {} if ending is None else self._final(ending)
         observation = self._observation(page)
-        info = self._info(page.numbers, np.ones(self.num_envs, bool)) | extra
+        info = self._info(page.numbers) | extra
         return observation, reward, page.terminated, page.truncated, info
 
     def action_masks(self) -> NDArray[np.bool_]:
@@ -279,31 +289,15 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
         if self.cameras:
             self.cameras.begin(rows, begun)
 
-    def _advance(
-        self, core: Rules, where: slice, page: Page, reward: Array, decided: bool, actions: NDArray[np.int64]
-    ) -> Ending | None:
-        """A step of the worlds ``where``, whose rules ``core`` are, written into a page, with what episodes follow.
-
-        Gives what is shown of the worlds whose last episode nobody would see else.
-        """
-        over, page = self._over[where], page if decided else page.part(where)
-        if not decided:
-            core.decide(actions[where], page)
-        if self.autoreset_mode is AutoresetMode.NEXT_STEP and over.any():
-            # The finished worlds stepped along in the batch; what they did is overwritten by their new episode.
-            self._begin(core, where, np.flatnonzero(over), page)
-            page.terminated[over], page.truncated[over] = False, False
-        # Added up as the single environment adds its terms.
-        reward[where] = sum(page.numbers[:, i] for i in range(len(core.reward_names)))
-        if self.autoreset_mode is not AutoresetMode.SAME_STEP:
-            return None
-        over = page.terminated | page.truncated
-        if not over.any():
-            return None
-        rows, seen = np.flatnonzero(over), self._seen(page, over)
-        ending = Ending(where.start + rows, {name: values[rows] for name, values in seen.items()}, page.numbers[rows])
-        self._begin(core, where, rows, page)
-        return ending
+    def _decide(self, actions: NDArray[np.int64]) -> Page:
+        """A decision of all worlds, each thread's share of them beside the others'."""
+        if self.cameras:
+            return self._carry_out(actions)
+        if self._team.alone:
+            return self.core.decide(actions)
+        page = self.core.blank()
+        self._team.each(lambda core, where: core.decide(actions[where], page.part(where)))
+        return page
 
     def _carry_out(self, actions: NDArray[np.int64]) -> Page:
         """A decision that cameras look at before and after."""
@@ -316,11 +310,21 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
         self.cameras.sense(awake)
         return self.core.booked(result)
 
-    def _begin(self, core: Rules, where: slice, rows: NDArray[np.int64], page: Page) -> None:
+    def _begin(self, rows: NDArray[np.int64], page: Page) -> None:
         """Give worlds new episodes, and their page what they show then: nothing was decided in them."""
-        self._restart(core, where, rows)
         page.numbers[rows] = 0.0
-        core.show(rows, page)
+        if len(rows) < _WORTH_SHARING * self._team.threads or self._team.alone:
+            self._restart(self.core, slice(0, self.num_envs), rows)
+            self.core.show(rows, page)
+            return
+
+        def begin(core: Rules, where: slice) -> None:
+            first, end = np.searchsorted(rows, (where.start, where.stop))
+            mine = rows[first:end] - where.start
+            self._restart(core, where, mine)
+            core.show(mine, page.part(where))
+
+        self._team.each(begin)
 
     def _rest(self, before: NDArray[np.bool_], page: Page) -> None:
         """Let worlds that are over show their end, those that were so ``before`` without a decision."""
@@ -362,7 +366,7 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
         self._mask = observation["action_mask"].copy()
         return observation
 
-    def _info(self, numbers: Array, present: NDArray[np.bool_]) -> dict[str, Any]:
+    def _info(self, numbers: Array, present: NDArray[np.bool_] | None = None) -> dict[str, Any]:
         core, phases, scores = self.core, len(self.core.reward_names), self._scores
         blocks = {
             "rewards": (core.reward_names, numbers[:, :phases]),
@@ -371,14 +375,14 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
         }
         return info_of(blocks, self._mask, present)
 
-    def _final(self, endings: Sequence[Ending]) -> dict[str, Any]:
+    def _final(self, ending: Ending) -> dict[str, Any]:
         """The last observation and info of the worlds that end now, in Gymnasium's layout."""
-        last, numbers = np.full(self.num_envs, None, object), np.zeros((self.num_envs, endings[0].numbers.shape[1]))
+        rows, observation, ended = ending
+        last, numbers = np.full(self.num_envs, None, object), np.zeros((self.num_envs, ended.shape[1]))
         self._mask = np.zeros_like(self._mask)
-        for rows, observation, ended in endings:
-            numbers[rows], self._mask[rows] = ended, observation["action_mask"]
-            for place, row in enumerate(rows):
-                last[row] = {name: values[place].copy() for name, values in observation.items()}
+        numbers[rows], self._mask[rows] = ended, observation["action_mask"]
+        for place, row in enumerate(rows):
+            last[row] = {name: values[place].copy() for name, values in observation.items()}
         return {
             "final_obs": last,
             "_final_obs": self._over.copy(),

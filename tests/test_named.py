@@ -7,6 +7,7 @@ import pickle
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics
 
 from fieldgym.envs.named import NamedColumns
@@ -74,11 +75,32 @@ def test_json_sees_it(block):
     assert json.loads(json.dumps(block, default=lambda values: values.tolist())) == PLAIN
 
 
-def test_later_changes_do_not_show_through():
-    values, present = VALUES.copy(), PRESENT.copy()
-    block = NamedColumns(("a", "b"), values, present)
-    values[...], first = -1.0, block["a"]
-    assert first.tolist() == [0.0, 0.0, 4.0]
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_later_steps_and_resets_do_not_show_through(mode):
+    envs = [
+        gym.make_vec(
+            "fieldgym/SafflowerPicking-v0",
+            3,
+            vectorization_mode="vector_entry_point",
+            autoreset_mode=mode,
+            overrides={"scenario.time_limit_s": 40.0},
+        )
+        for _ in range(2)
+    ]
+    waiting, read = [], []
+    for env, infos in zip(envs, (waiting, read), strict=True):
+        observation, info = env.reset(seed=1)
+        for step in range(20):
+            infos.append(info if env is envs[0] else copy.deepcopy(info))
+            if step % 7 == 6:
+                observation, info = env.reset(options={"reset_mask": np.array([True, False, True])})
+            else:
+                observation, *_, info = env.step(observation["action_mask"].argmax(axis=1))
+    for late, soon in zip(waiting, read, strict=True):
+        # The last observations are no blocks, and NumPy does not compare arrays of dictionaries.
+        for info in (late, soon):
+            info.pop("final_obs", None)
+        np.testing.assert_equal(copy.deepcopy(late), soon)
 
 
 def test_wrappers_of_gymnasium_take_it():

@@ -12,7 +12,6 @@ from fieldgym.bounds import safflower
 from fieldgym.envs.field import Camera, FieldError
 from fieldgym.envs.safflower.config import SCENARIOS, PerceptionModel, SafflowerConfig
 from fieldgym.envs.safflower.core import SafflowerCore
-from fieldgym.envs.safflower.drawing import draw
 from fieldgym.envs.safflower.field import SPREAD_M, Heads, Plants, Reports, SafflowerField
 from fieldgym.kernels.config import override
 
@@ -160,7 +159,7 @@ def test_what_does_not_fit_is_named(field, says):
 def test_reports_belong_to_the_camera_that_made_them():
     model, perfect = PerceptionModel.measured("row"), PerceptionModel.perfect()
     config = override(SafflowerConfig(), {"scenario": SCENARIOS["row"]})
-    field: Any = draw(config, np.random.default_rng(3), model)
+    field: Any = SafflowerCore(config, model, 1).draw_field(np.random.default_rng(3))
     codes = [Camera.of(statistics).code.tolist() for statistics in (model, perfect)]
     assert field.camera.code.tolist() == codes[0] != codes[1]
     seen: Any = SafflowerCore(config, model, 1).complete(field, np.random.default_rng(9))
@@ -181,7 +180,8 @@ def test_a_field_does_not_depend_on_what_is_drawn_beside_it():
     config, model = SafflowerConfig(), PerceptionModel.measured("pots")
     core = SafflowerCore(config, model, 3)
     fields = core.unstack(core.draw([np.random.default_rng(seed) for seed in range(3)]))
-    assert fields == [draw(config, np.random.default_rng(seed), model) for seed in range(3)]
+    alone = SafflowerCore(config, model, 1)
+    assert fields == [alone.draw_field(np.random.default_rng(seed)) for seed in range(3)]
     assert len({field.digest() for field in fields}) == 3
 
 

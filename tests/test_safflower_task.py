@@ -20,7 +20,7 @@ from fieldgym.envs.safflower.config import (
     SafflowerConfig,
 )
 from fieldgym.envs.safflower.core import SafflowerCore
-from fieldgym.envs.safflower.drawing import draw_heads, reach_table
+from fieldgym.envs.safflower.drawing import Growth, draw_heads, reach_table
 from fieldgym.envs.safflower.features import candidate_table
 from fieldgym.envs.safflower.field import Heads, Reports, SafflowerField
 from fieldgym.envs.safflower.process import Shears, collected_share, cut_share, dropped_share
@@ -188,7 +188,7 @@ def test_steps_draw_no_chance_and_luck_belongs_to_the_head():
 def test_pots_are_the_published_ones_and_every_head_can_be_reached():
     config = SafflowerConfig()
     rng = np.random.default_rng(1)
-    heads, plants = draw_heads(config, rng.random((300, 2000)), rng.standard_normal((300, 2000)))
+    heads, plants = draw_heads(Growth.of(config), rng.random((300, 2000)), rng.standard_normal((300, 2000)))
     per_pot = heads.exists.reshape(300, 15, 4).sum(axis=2)
     assert per_pot.min() == 1 and per_pot.max() == 4
     assert per_pot.mean() == pytest.approx(2.5, abs=0.05)
@@ -203,7 +203,7 @@ def test_pots_are_the_published_ones_and_every_head_can_be_reached():
 def test_rows_have_the_published_heads_and_every_stage():
     config = SafflowerConfig(scenario=SCENARIOS["row"])
     rng = np.random.default_rng(2)
-    heads, _ = draw_heads(config, rng.random((200, 4000)), rng.standard_normal((200, 4000)))
+    heads, _ = draw_heads(Growth.of(config), rng.random((200, 4000)), rng.standard_normal((200, 4000)))
     assert heads.exists.reshape(200, 12, 36).sum(axis=2).mean() == pytest.approx(15.71, abs=0.3)
     shares = np.bincount(heads.stage[heads.exists], minlength=4) / heads.exists.sum()
     assert (shares > 0.1).all()

@@ -1,6 +1,7 @@
 """Worlds that are stepped by several threads are, bit for bit, those that one thread steps."""
 
 import copy
+import gc
 import os
 import pickle
 import threading
@@ -122,6 +123,15 @@ def test_threads_end_with_the_environment() -> None:
     env.close()
     env.close()
     assert not any(thread.is_alive() for thread in ours)
+
+
+def test_threads_of_a_batch_that_is_dropped_end() -> None:
+    env = batch(IDS[0], 2)
+    env.reset(seed=0)
+    (worker,) = env._team._workers
+    del env
+    gc.collect()
+    worker.join()
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...kernels import compiled, fill
+from ...kernels.orders import rank
 from ..arrays import allocated, shaped
 from ..core import Array
 from ..field import Camera
@@ -87,6 +90,29 @@ def stop_centres(scenario: ScenarioConfig) -> Array:
     return offset + scenario.window_m * np.arange(scenario.stops, dtype=np.float64)
 
 
+class Lanes(NamedTuple):
+    """What the fixed order of reports depends on.
+
+    Attributes:
+        begin_m: where the first stop's window begins along the row.
+        window_m: length of a stop's window.
+        lane_m: width of a lane across the arm's way.
+        stops: how many there are.
+    """
+
+    begin_m: float
+    window_m: float
+    lane_m: float
+    stops: int
+
+    @classmethod
+    def of(cls, config: SafflowerConfig) -> Lanes:
+        """The numbers of a configuration."""
+        scenario = config.scenario
+        begin_m = float(stop_centres(scenario)[0] - 0.5 * scenario.window_m)
+        return cls(begin_m, float(scenario.window_m), float(config.lane_m), int(scenario.stops))
+
+
 def fixed_order(
     config: SafflowerConfig, position: Array, seen: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -95,19 +121,68 @@ def fixed_order(
     Returns:
         The order (R, M) and each stop's first place in it (R, S + 1).
     """
-    scenario = config.scenario
-    stops = scenario.stops
-    left = stop_centres(scenario)[0] - 0.5 * scenario.window_m
-    along = position[..., 0] - left
-    stop = np.minimum(np.maximum(np.floor(along / scenario.window_m), 0), stops - 1)
-    lane = np.minimum(np.maximum(np.floor((along - stop * scenario.window_m) / config.lane_m), 0), 99)
-    across = np.where(lane % 2.0 == 0.0, position[..., 1], -position[..., 1])
-    key = np.where(seen, 1000.0 * stop + 10.0 * lane + np.minimum(np.maximum(across, -4.0), 4.0), np.inf)
-    order = np.argsort(key, axis=1, kind="stable")
-    stops_before = stops * np.arange(len(seen))[:, None]
-    counts = np.bincount((stop.astype(np.int64) + stops_before)[seen], minlength=len(seen) * stops)
-    first = np.concatenate([np.zeros((len(seen), 1), int), counts.reshape(-1, stops).cumsum(axis=1)], axis=1)
+    lanes = Lanes.of(config)
+    order = np.empty(seen.shape, np.int64)
+    first = np.empty((len(seen), lanes.stops + 1), np.int64)
+    _sort(lanes, np.ascontiguousarray(position, np.float64), seen, order, first)
     return order, first
+
+
+@compiled
+def _sort(
+    lanes: Lanes, position: Array, seen: NDArray[np.bool_], order: NDArray[np.int64], first: NDArray[np.int64]
+) -> None:
+    room = seen.shape[1]
+    reports, keys, spare = np.empty(room, np.int64), np.empty(room), np.empty(room, np.int64)
+    for r in range(len(seen)):
+        count = 0
+        for i in range(room):
+            if seen[r, i]:
+                reports[count] = i
+                count += 1
+        in_lanes(lanes, position[r], reports, count, keys, order[r], spare, first[r])
+        for i in range(room):
+            if not seen[r, i]:
+                order[r, count] = i
+                count += 1
+
+
+@compiled
+def in_lanes(
+    lanes: Lanes,
+    position: Array,
+    reports: NDArray[np.int64],
+    count: int,
+    keys: Array,
+    order: NDArray[np.int64],
+    spare: NDArray[np.int64],
+    first: NDArray[np.int64],
+) -> None:
+    """Write the first ``count`` reports of a world in the fixed order, and each stop's first place in it.
+
+    Args:
+        lanes: see there.
+        position: places of all reports (M, 3), world metres.
+        reports: which of them there are, ascending.
+        count: how many.
+        keys: room for as many numbers.
+        order: is written.
+        spare: room for as many places.
+        first: is written, (S + 1,).
+    """
+    fill(first, 0)
+    for k in range(count):
+        along, across = position[reports[k], 0] - lanes.begin_m, position[reports[k], 1]
+        stop = min(max(math.floor(along / lanes.window_m), 0.0), lanes.stops - 1.0)
+        lane = min(max(math.floor((along - stop * lanes.window_m) / lanes.lane_m), 0.0), 99.0)
+        aside = across if lane % 2.0 == 0.0 else -across
+        keys[k] = 1000.0 * stop + 10.0 * lane + min(max(aside, -4.0), 4.0)
+        first[int(stop) + 1] += 1
+    for stop in range(lanes.stops):
+        first[stop + 1] += first[stop]
+    rank(keys[:count], order, spare)
+    for k in range(count):
+        order[k] = reports[order[k]]
 
 
 def stack(config: SafflowerConfig, fields: Sequence[SafflowerField]) -> Batch:

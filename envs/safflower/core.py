@@ -11,22 +11,24 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ...kernels.elementary import exp
 from ..columns import names
 from ..core import Array, Rows, StepResult, observation_space, outside
+from ..dice import draw_blocks
 from ..drives import Servos
 from ..erring import ErringCore
 from .batch import Batch, Tracks, stack, unstack
+from .beginning import Looks, Outset, begin_tracks, begin_worlds, take_tracks
 from .config import EFFORTS, STAGES, PerceptionModel, SafflowerConfig
-from .drawing import draw_batch, reach_table
+from .drawing import Growth, draw_heads
 from .errors import JOINTS, tool_error
-from .features import ACROSS_SCALE_M, HEIGHT_SCALE_M, LIMIT, SIZE_SCALE_M, C, Candidate, Machine
+from .features import LIMIT, Candidate, Machine
 from .field import SafflowerField, Stands
 from .filling import completed, row_limits_m
-from .rules import apply_worlds, decide_worlds, fill_rows, plan_worlds, show_worlds
+from .rules import apply_worlds, decide_worlds, plan_worlds, show_worlds
+from .sighting import Sight, draw_tracks
 from .standing import draw_stands, stand_error, whole_stands
-from .state import PickerPlan, R, Rewards, Scores, T, Tables, empty_worlds, tables_of
-from .timing import DRIVE, NOTHING, Phases, levels_s
+from .state import PickerPlan, R, Rewards, Scores, Tables, empty_worlds, tables_of
+from .timing import DRIVE, NOTHING, Phases
 
 
 class PickerOutcome(NamedTuple):
@@ -68,6 +70,13 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         self.action_space = spaces.Discrete(DRIVE * k + 1)
         self.observation_space = observation_space(self, k, DRIVE * k + 1, LIMIT)
         self.tables = tables_of(config, perception is None)
+        self._growth, self._sight = Growth.of(config), Sight.of(config, perception or PerceptionModel.perfect())
+        heads = config.scenario.plants * config.scenario.max_heads
+        self._numbers = (*self._growth.random_numbers, *self._sight.random_numbers(heads))
+        (along, across, up), process = self.frame.tolist(), config.process
+        self._outset = Outset(
+            (along, across, up), self._growth.reach, float(process.luck_logit), float(process.recognise_s)
+        )
         self.state = empty_worlds(config, worlds)
         self._drive(Servos.of(config.scenario.drives, *JOINTS))
         self.rough = config.scenario.ground.rough
@@ -90,7 +99,11 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
     def draw(self, generators: Sequence[np.random.Generator]) -> Batch:
         """Draw fields and what the statistical camera reports of them."""
         luck, stands = self.draw_luck(generators), draw_stands(self.config, generators)
-        return draw_batch(self.config, self.perception, generators)._replace(luck=luck, stands=stands)
+        uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
+        heads, plants = draw_heads(self._growth, uniform, normal)
+        if self.perception is None:
+            return Batch(heads, plants, None, luck, stands)
+        return Batch(heads, plants, draw_tracks(self._sight, heads, camera_uniform, camera_normal), luck, stands)
 
     def stack(self, fields: Sequence[SafflowerField]) -> Batch:
         """The batch of fields in which nothing is missing."""
@@ -114,45 +127,35 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
     def complete(self, field: Any, generator: np.random.Generator) -> SafflowerField:
         """A field with nothing missing; see ``filling``."""
         whole = super().complete(field, generator)
-        done = completed(self.config, self.perception, whole, generator)
+        sight = self._sight if self.perception else None
+        done = completed(self.config, sight, self.perception, whole, generator)
         done = self.with_whole_luck(done, whole.drives, generator)
         return replace(done, stands=whole_stands(self.config, whole.stands, generator))
 
     def load(self, rows: Rows, batch: Batch) -> None:
         """Put fields into ``rows`` and the carts at their first stop, reports taken."""
-        state = self.state
+        state, tables, outset = self.state, self.tables, self._outset
         heads, plants, tracks, luck, stands = batch
         self.take_luck(rows, luck)
         if stands is not None:
             self.stands[rows] = stands
-        state.head_position[rows, :-1] = heads.position - self.frame
-        state.head_stage[rows, :-1] = heads.stage
-        state.head_mass_g[rows, :-1] = heads.mass_g
-        state.head_visited[rows] = False
-        state.head_odds[rows, :-1, 0] = exp(self.config.process.luck_logit * heads.cut_luck)
-        state.head_odds[rows, :-1, 1] = exp(self.config.process.luck_logit * heads.drop_luck)
-        self.head_exists[rows], self.head_occluded[rows] = heads.exists, heads.occluded
-        self.head_size_m[rows], self.head_plant[rows] = heads.size_m, heads.plant
-        self.plant_base[rows], self.plant_count[rows] = plants.base, plants.count
-        self.plant_height_m[rows], self.plant_crown_m[rows] = plants.height_m, plants.crown_m
+        looks = Looks(
+            self.head_exists,
+            self.head_occluded,
+            self.head_size_m,
+            self.head_plant,
+            self.plant_base,
+            self.plant_count,
+            self.plant_height_m,
+            self.plant_crown_m,
+        )
+        # NumPy adds up in pairs, and scores hold the last digit of that sum.
+        begin_worlds(tables, outset, state, looks, rows, heads, plants, heads.mass_g.sum(axis=1))
         self.episode[rows] += 1
-        state.totals[rows] = 0.0
-        state.totals[rows, T.total] = heads.mass_g.sum(axis=1)
-        state.totals[rows, T.missed] = np.count_nonzero(heads.mass_g, axis=1)
-        state.totals[rows, T.time] = state.totals[rows, T.recognise] = self.config.process.recognise_s
-        state.pose[rows] = self.tables.look_pose[0]
-        state.rise_s[rows] = 0.0
-        state.stop[rows] = 0
-        state.first[rows] = 0
-        state.track_feature[rows] = 0.0
-        state.track_legal[rows] = False
-        state.track_head[rows] = state.head_mass_g.shape[1] - 1
         if tracks is None:
             state.look_due[rows] = True
         else:
-            self._place_tracks(rows, tracks, 0)
-            state.first[rows] = tracks.first
-        fill_rows(state, rows)
+            begin_tracks(tables, outset, state, rows, tracks)
 
     def receive(self, row: int, position: Array, stage: NDArray[np.int64], size_m: Array, head: Rows) -> None:
         """Take a camera's reports of the present stop into one world, in the fixed order.
@@ -164,18 +167,11 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
             size_m: (n,), reported filament spread.
             head: (n,), the true head behind each report, ``head_mass_g.shape[1] - 1`` for none; for scoring alone.
         """
-        state, stop = self.state, self.state.stop[row]
-        start = int(state.first[row, stop])
-        n = min(len(position), self.config.scenario.max_tracks - start)
-        one = slice(None, n)
-        tracks = Tracks(
-            position[None, one], stage[None, one], size_m[None, one], head[None, one], np.zeros((1, 1), np.int64)
-        )
-        rows = np.array([row])
-        self._place_tracks(rows, tracks, start)
-        state.first[row, stop + 1 :] = start + n
-        fill_rows(state, rows)
-        state.look_due[row] = False
+        place, told, size = np.ascontiguousarray(position), np.ascontiguousarray(stage), np.ascontiguousarray(size_m)
+        behind, no_stops = np.ascontiguousarray(head), np.zeros((1, 1), np.int64)
+        tracks = Tracks(place[None], told[None], size[None], behind[None], no_stops)
+        take_tracks(self.tables, self._outset, self.state, row, tracks)
+        self.state.look_due[row] = False
 
     def rules(self) -> tuple[Tables]:
         """See ``KernelCore``."""
@@ -229,25 +225,3 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
             NOTHING: "illegal action",
         }
         return f"{words.get(kind, 'leave the row')}: {elapsed:.1f} s"
-
-    def _place_tracks(self, rows: Rows, tracks: Tracks, start: int) -> None:
-        """Write reports and all that policies are shown of them that does not depend on where the arm is."""
-        where = slice(start, start + tracks.position.shape[1])
-        state, rates = self.state, self.tables.rates
-        target = tracks.position - self.frame
-        level = target[..., 2]
-        half_width = np.interp(level, *reach_table(self.config.machine.picker.five_bar), left=-1.0, right=-1.0)
-        legal = (np.abs(tracks.position[..., 1]) <= half_width) & (level <= rates.clear_m)
-        feature = np.zeros((*level.shape, len(C)), np.float32)
-        feature[..., C.present] = 1.0
-        feature[..., C.across] = tracks.position[..., 1] / ACROSS_SCALE_M
-        feature[..., C.height] = (level - rates.clear_m) / HEIGHT_SCALE_M
-        feature[..., C.bud : C.dry + 1] = tracks.stage[..., None] == np.arange(C.dry + 1 - C.bud)
-        feature[..., C.size] = tracks.size_m / SIZE_SCALE_M
-        feature[..., C.reachable] = legal
-        np.maximum(np.minimum(feature, LIMIT, out=feature), -LIMIT, out=feature)
-        state.track_target[rows, where] = target
-        state.track_descent_s[rows, where] = levels_s(rates, level.ravel()).reshape(level.shape)
-        state.track_legal[rows, where] = legal
-        state.track_feature[rows, where] = feature
-        state.track_head[rows, where] = tracks.head

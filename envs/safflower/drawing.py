@@ -1,25 +1,29 @@
-"""Draws fields of safflower: where the heads are, how they bloom, and what a camera would report of them.
+"""Draws rows of safflower: where the heads are, how they bloom and what they bear.
 
-Each world hands over one block of uniform and one of normal numbers from its own generator; everything else is array
-arithmetic over the worlds, so a world's field does not depend on how many worlds are drawn beside it.
+Each world hands over one block of uniform and one of normal numbers for the row and one each for the camera from its
+own generator; everything else follows from them world by world, so a world's row does not depend on how many worlds are
+drawn beside it, and the row is the same whatever the camera is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc
 
-from ...kernels.elementary import exp
+from ...kernels import compiled
+from ...kernels.orders import count_upto
 from ...mechanisms import FiveBar
+from ..arrays import allocated
 from ..core import Array
-from ..dice import Block, draw_blocks, poisson_table
-from .batch import Batch, Heads, Plants, Tracks, fixed_order, stop_centres, unstack
-from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig, ScenarioConfig
-from .field import SPREAD_M, SafflowerField
+from ..dice import begins
+from .batch import Heads, Plants
+from .config import OPEN_STAGES, SafflowerConfig, ScenarioConfig
+from .field import SPREAD_M
 
 _PRIMARY_HEADS = 5
 _BATCH_DAYS = 4.5
@@ -32,12 +36,12 @@ SPREAD_SIGMA = 0.078
 """Relative deviation of the filament spread [published: 47.85 +- 3.73 mm]."""
 SIZE_SHARE = 0.7
 """Correlation of a head's size with the logarithm of its mass [assumed]."""
+_REST_SHARE = float(np.sqrt(1.0 - SIZE_SHARE**2))
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 _PLAY = 0.5
 """How irregularly the heads of a plant are spread: 0 is a perfect spiral [assumed]."""
 _REACH_RESERVE_M = 0.012
 """Room that the potted plants leave to the workspace's edge [assumed: pots are turned to fit]."""
-_FALSE_RESERVE = 4.0
 
 
 @lru_cache(maxsize=32)
@@ -48,11 +52,6 @@ def _count_table(scenario: ScenarioConfig) -> NDArray[np.floating]:
         return counts / scenario.max_heads
     success = scenario.dispersion / (scenario.dispersion + scenario.mean_heads)
     return betainc(scenario.dispersion, counts + 1.0, success)
-
-
-def false_table(perception: PerceptionModel, scenario: ScenarioConfig) -> Array:
-    """Cumulative probabilities of 0, 1, ... false reports in a row."""
-    return poisson_table(perception.false_per_stop * scenario.stops, _FALSE_RESERVE, 1)
 
 
 @lru_cache(maxsize=8)
@@ -66,137 +65,208 @@ def reach_table(bar: FiveBar) -> tuple[Array, Array]:
     return levels, np.where(first_gap > 0, widths[np.maximum(first_gap - 1, 0)], -1.0)
 
 
-def draw_heads(config: SafflowerConfig, uniform: Array, normal: Array) -> tuple[Heads, Plants]:
+class Reach(NamedTuple):
+    """How wide the arm reaches: ``reach_table`` of its machine, for kernels."""
+
+    level_m: Array
+    width_m: Array
+
+    @classmethod
+    def of(cls, config: SafflowerConfig) -> Reach:
+        """Of a configuration."""
+        return cls(*reach_table(config.machine.picker.five_bar))
+
+
+@compiled
+def half_width_m(reach: Reach, level_m: float, below: float, above: float) -> float:
+    """Half the width that the arm reaches at a level, ``below`` and ``above`` beyond the table's ends."""
+    levels, widths = reach.level_m, reach.width_m
+    i, last = count_upto(levels, level_m) - 1, len(levels) - 1
+    if i < 0:
+        return below
+    if i == last:
+        return widths[last] if level_m == levels[last] else above
+    return (widths[i + 1] - widths[i]) / (levels[i + 1] - levels[i]) * (level_m - levels[i]) + widths[i]
+
+
+class Growth(NamedTuple):
+    """What a row grows from: configuration and scenario in the shape that a kernel takes; S heads at most on a plant.
+
+    Attributes:
+        counts: (S,), cumulative probabilities of 0, 1, ... heads on a plant.
+        along_m: (P,), where the plants stand along the row.
+        potted: see ``ScenarioConfig``.
+        height_m: the lowest height and the range, when potted, or mean and standard deviation.
+        top_m: of the tallest plant, when potted.
+        crown_m: the narrowest crown and the range.
+        drop_m: (S,), how far below the plant's top each head stands at most.
+        behind_days: (S,), how much later than the first each head flowers.
+        turn_rad: (S,), where about the stem each head stands.
+        visit_day: the first day and the range.
+        reach: of the arm.
+        motor_height_m: of the motors' axes.
+        occluded: share of heads behind leaves.
+        mass_g: of an open head.
+        mass_spread: standard deviation of the logarithm of a head's mass.
+        mass_lift: half its square.
+    """
+
+    counts: Array
+    along_m: Array
+    potted: bool
+    height_m: tuple[float, float]
+    top_m: float
+    crown_m: tuple[float, float]
+    drop_m: Array
+    behind_days: Array
+    turn_rad: Array
+    visit_day: tuple[float, float]
+    reach: Reach
+    motor_height_m: float
+    occluded: float
+    mass_g: float
+    mass_spread: float
+    mass_lift: float
+
+    @classmethod
+    def of(cls, config: SafflowerConfig) -> Growth:
+        """The numbers of a configuration."""
+        scenario = config.scenario
+        number = np.arange(scenario.max_heads)
+        batch = np.minimum((number + _PRIMARY_HEADS - 1) // _PRIMARY_HEADS, 2)
+        low, high = scenario.plant_height_m
+        first, last = scenario.visit_day
+        narrow, wide = scenario.crown_m
+        return cls(
+            counts=np.array(_count_table(scenario), float),
+            along_m=scenario.pitch_m * (np.arange(scenario.plants, dtype=np.float64) + 0.5 * (not scenario.potted)),
+            potted=bool(scenario.potted),
+            height_m=(float(low), float(high - low if scenario.potted else high)),
+            top_m=float(high),
+            crown_m=(float(narrow), float(wide - narrow)),
+            drop_m=np.asarray(scenario.head_drop_m, float)[batch],
+            behind_days=_BATCH_DAYS * batch,
+            turn_rad=_GOLDEN_ANGLE * number,
+            visit_day=(float(first), float(last - first)),
+            reach=Reach.of(config),
+            motor_height_m=float(scenario.motor_height_m),
+            occluded=float(scenario.occluded),
+            mass_g=float(config.head_mass_g),
+            mass_spread=float(config.head_mass_spread),
+            mass_lift=float(0.5 * config.head_mass_spread**2),
+        )
+
+    @property
+    def random_numbers(self) -> tuple[int, int]:
+        """Uniform and normal numbers that a world's row is drawn from."""
+        plants, heads = len(self.along_m), len(self.along_m) * len(self.counts)
+        return 4 * plants + 5 * heads + 1, 2 * plants + 5 * heads
+
+
+class Chances(NamedTuple):
+    """Where in a world's blocks the numbers of its plants and heads begin, in this order; normal ones end in ``_z``.
+
+    What a scenario does not ask for takes no place.
+    """
+
+    number: int
+    height: int
+    crown: int
+    drop: int
+    ahead: int
+    across: int
+    turn: int
+    fresh: int
+    day: int
+    occluded: int
+    height_z: int
+    plant_z: int
+    head_z: int
+    size_z: int
+    mass_z: int
+    cut_z: int
+    fall_z: int
+
+    @classmethod
+    def of(cls, growth: Growth) -> Chances:
+        """The places for a scenario."""
+        plants, heads = len(growth.along_m), len(growth.along_m) * len(growth.counts)
+        uniform = [plants] * 3 + [heads] * 3 + [plants, heads * growth.potted, 1 - growth.potted, heads]
+        normal = [plants, plants * (1 - growth.potted), heads * (1 - growth.potted)] + [heads] * 4
+        return cls(*begins(uniform), *begins(normal))
+
+
+def draw_heads(growth: Growth, uniform: Array, normal: Array) -> tuple[Heads, Plants]:
     """Grow the plants of R worlds from their random blocks (R, .)."""
-    scenario = config.scenario
-    u, z = Block(uniform), Block(normal)
-    plants, slots = scenario.plants, scenario.max_heads
-    shape = (len(uniform), plants * slots)
-
-    table = _count_table(scenario)
-    count = np.searchsorted(table, u.take(plants), side="right")
-    number = np.arange(slots)
-    exists = number < count[..., None]
-    along = scenario.pitch_m * (np.arange(plants) + (0.0 if scenario.potted else 0.5))
-    low, high = scenario.plant_height_m
-    height_u, height_z = u.take(plants), z.take(plants)
-    height = low + (high - low) * height_u if scenario.potted else low + high * height_z
-    crown = scenario.crown_m[0] + (scenario.crown_m[1] - scenario.crown_m[0]) * u.take(plants)
-    lift = high - height if scenario.potted else np.zeros_like(height)
-    base = np.zeros((*lift.shape, 3))
-    base[..., 0], base[..., 2] = along, lift
-
-    batch = np.minimum((number + _PRIMARY_HEADS - 1) // _PRIMARY_HEADS, 2)
-    drop = np.asarray(scenario.head_drop_m)[batch] * u.take(plants, slots)
-    up = np.maximum((lift + height)[..., None] - drop, 0.0)
-    ahead_u, across_u, turn_u = u.take(plants, slots), u.take(plants, slots), u.take(plants)
-    if scenario.potted:
-        # Stems of a pot stand apart, left and right in turn, so that no flower hides another (the paper reports none
-        # missed), and pots are turned so that the arm reaches every head.
-        ahead = crown[..., None] * ((number + 0.25 + 0.5 * ahead_u) / np.maximum(count[..., None], 1) - 0.5)
-        half = np.interp(up - scenario.motor_height_m, *reach_table(config.machine.picker.five_bar)) - _REACH_RESERVE_M
-        side = 1.0 - 2.0 * (number % 2)
-        across = side * (0.35 + 0.65 * across_u) * np.minimum(0.5 * crown[..., None], half)
-    else:
-        # Heads of a plant keep apart: golden-angle places with some play, the terminal head in the middle.
-        share = (number + _PLAY * ahead_u) / np.maximum(count[..., None], 1)
-        radius = 0.5 * crown[..., None] * np.sqrt(np.minimum(share, 1.0))
-        angle = _GOLDEN_ANGLE * number + 2.0 * np.pi * (turn_u[..., None] + _PLAY * _PLAY * across_u)
-        ahead, across = radius * np.cos(angle), radius * np.sin(angle)
-    position = np.stack([along[:, None] + ahead, across, up], axis=-1)
-
-    if scenario.potted:
-        stage = np.where(u.take(plants, slots) < _FRESH_SHARE, 1, 2)
-    else:
-        day = scenario.visit_day[0] + (scenario.visit_day[1] - scenario.visit_day[0]) * u.take(1)
-        age = day[..., None] - _BATCH_DAYS * batch - z.take(plants)[..., None] - z.take(plants, slots)
-        stage = (age > 0.0).astype(np.int64) + (age > _FRESH_DAYS) + (age > _OPEN_DAYS)
-    size_z, mass_z = z.take(plants, slots), z.take(plants, slots)
-    size = SPREAD_M * (1.0 + SPREAD_SIGMA * size_z)
-    spread = config.head_mass_spread
-    mix = SIZE_SHARE * size_z + np.sqrt(1.0 - SIZE_SHARE**2) * mass_z
-    mass = config.head_mass_g * exp(spread * mix - 0.5 * spread**2)
-    is_open = exists & ((stage == OPEN_STAGES[0]) | (stage == OPEN_STAGES[1]))
-    occluded = u.take(plants, slots) < scenario.occluded
-    return (
-        Heads(
-            position=np.where(exists[..., None], position, 0.0).reshape(*shape, 3),
-            exists=exists.reshape(shape),
-            stage=np.where(exists, stage, 0).reshape(shape),
-            mass_g=np.where(is_open, mass, 0.0).reshape(shape),
-            size_m=size.reshape(shape),
-            occluded=(exists & occluded).reshape(shape),
-            cut_luck=z.take(*shape[1:]),
-            drop_luck=z.take(*shape[1:]),
-            plant=np.arange(plants * slots)[None].repeat(len(uniform), axis=0) // slots,
-        ),
-        Plants(base, height, crown, np.full(len(uniform), plants)),
-    )
+    rows, plants = len(uniform), len(growth.along_m)
+    grown = allocated(Heads, rows, heads=plants * len(growth.counts)), allocated(Plants, rows, plants=plants)
+    grow(growth, Chances.of(growth), uniform, normal, *grown)
+    return grown
 
 
-def draw_tracks(
-    config: SafflowerConfig, perception: PerceptionModel, heads: Heads, uniform: Array, normal: Array
-) -> Tracks:
-    """What the statistical camera reports of R worlds, from random blocks (R, .) of its own."""
-    scenario = config.scenario
-    u, z = Block(uniform), Block(normal)
-    heads_n = heads.exists.shape[1]
-    recall = np.asarray(perception.recall)[heads.occluded.astype(np.int64), heads.stage]
-    seen = heads.exists & (u.take(heads_n) < recall)
-    position = heads.position + np.asarray(perception.bias_m) + np.asarray(perception.sigma_m) * z.take(heads_n, 3)
-    limits = np.cumsum(np.asarray(perception.stage_confusion), axis=1)[:, :-1]
-    stage_u = u.take(heads_n)
-    stage = sum((stage_u > limits[:, column][heads.stage]).astype(np.int64) for column in range(limits.shape[1]))
-    size = heads.size_m * (1.0 + perception.size_sigma * z.take(heads_n))
-
-    table = false_table(perception, scenario)
-    ghosts = len(table)
-    ghost_seen = np.arange(ghosts) < np.searchsorted(table, u.take(1)[:, 0], side="right")[:, None]
-    centres = stop_centres(scenario)
-    span = scenario.stops * scenario.window_m
-    ghost_along = centres[0] - 0.5 * scenario.window_m + span * u.take(ghosts)
-    ghost_across = 0.12 * (2.0 * u.take(ghosts) - 1.0)
-    top = scenario.motor_height_m + config.machine.clear_level_m
-    ghost_up = top - 0.04 - 0.10 * u.take(ghosts)
-    ghost_stage = 1 + (u.take(ghosts) > 0.5).astype(np.int64)
-
-    position = np.concatenate([position, np.stack([ghost_along, ghost_across, ghost_up], axis=-1)], axis=1)
-    seen = np.concatenate([seen, ghost_seen], axis=1)
-    stage = np.concatenate([stage, ghost_stage], axis=1)
-    size = np.concatenate([size, np.full(ghost_stage.shape, SPREAD_M)], axis=1)
-    order, first = fixed_order(config, position, seen)
-    kept = order[:, : scenario.max_tracks]
-    place = kept + seen.shape[1] * np.arange(len(seen))[:, None]
-    return Tracks(
-        position=position.reshape(-1, 3).take(place, axis=0),
-        stage=stage.take(place),
-        size_m=size.take(place),
-        head=np.minimum(kept, heads_n),
-        first=np.minimum(first, kept.shape[1]),
-    )
-
-
-def random_numbers(config: SafflowerConfig, perception: PerceptionModel) -> tuple[int, int, int, int]:
-    """Lengths of a world's blocks: uniform and normal numbers for the field, then for the camera."""
-    plants, heads = config.scenario.plants, config.scenario.plants * config.scenario.max_heads
-    ghosts = len(false_table(perception, config.scenario))
-    return 4 * plants + 5 * heads + 1, 2 * plants + 5 * heads, 2 * heads + 1 + 4 * ghosts, 4 * heads
+@compiled
+def grow(growth: Growth, at: Chances, uniform: Array, normal: Array, heads: Heads, plants: Plants) -> None:
+    """Let the plants of R worlds, and the heads on them, grow from their random blocks (R, .)."""
+    most = len(growth.counts)
+    for r in range(len(plants.count)):
+        u, z = uniform[r], normal[r]
+        plants.count[r] = len(growth.along_m)
+        for p in range(len(growth.along_m)):
+            crown = growth.crown_m[0] + growth.crown_m[1] * u[at.crown + p]
+            lift = 0.0
+            if growth.potted:
+                height = growth.height_m[0] + growth.height_m[1] * u[at.height + p]
+                lift = growth.top_m - height
+            else:
+                height = growth.height_m[0] + growth.height_m[1] * z[at.height_z + p]
+            plants.base[r, p, 0], plants.base[r, p, 2] = growth.along_m[p], lift
+            plants.height_m[r, p], plants.crown_m[r, p] = height, crown
+            count = count_upto(growth.counts, u[at.number + p])
+            for k in range(count):
+                i = most * p + k
+                up = max((lift + height) - growth.drop_m[k] * u[at.drop + i], 0.0)
+                if growth.potted:
+                    ahead, across = in_pot(growth, crown, count, k, u[at.ahead + i], u[at.across + i], up)
+                    stage = 1 if u[at.fresh + i] < _FRESH_SHARE else 2
+                else:
+                    turn = u[at.turn + p] + _PLAY * _PLAY * u[at.across + i]
+                    ahead, across = in_row(growth, crown, count, k, u[at.ahead + i], turn)
+                    day = growth.visit_day[0] + growth.visit_day[1] * u[at.day]
+                    age = day - growth.behind_days[k] - z[at.plant_z + p] - z[at.head_z + i]
+                    stage = (1 if age > 0.0 else 0) + (1 if age > _FRESH_DAYS else 0) + (1 if age > _OPEN_DAYS else 0)
+                mix = SIZE_SHARE * z[at.size_z + i] + _REST_SHARE * z[at.mass_z + i]
+                place = heads.position[r, i]
+                place[0], place[1], place[2] = growth.along_m[p] + ahead, across, up
+                heads.exists[r, i], heads.stage[r, i], heads.plant[r, i] = True, stage, p
+                heads.size_m[r, i] = SPREAD_M * (1.0 + SPREAD_SIGMA * z[at.size_z + i])
+                if stage == OPEN_STAGES[0] or stage == OPEN_STAGES[1]:
+                    heads.mass_g[r, i] = growth.mass_g * math.exp(growth.mass_spread * mix - growth.mass_lift)
+                heads.occluded[r, i] = u[at.occluded + i] < growth.occluded
+                heads.cut_luck[r, i], heads.drop_luck[r, i] = z[at.cut_z + i], z[at.fall_z + i]
 
 
-def draw_batch(
-    config: SafflowerConfig, perception: PerceptionModel | None, generators: Sequence[np.random.Generator]
-) -> Batch:
-    """A field for each generator, with the reports of a statistical camera where there is one."""
-    lengths = random_numbers(config, perception or PerceptionModel.perfect())
-    uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, lengths)
-    heads, plants = draw_heads(config, uniform, normal)
-    if perception is None:
-        return Batch(heads, plants, None)
-    return Batch(heads, plants, draw_tracks(config, perception, heads, camera_uniform, camera_normal))
+@compiled
+def in_pot(
+    growth: Growth, crown_m: float, count: int, k: int, ahead_u: float, across_u: float, up_m: float
+) -> tuple[float, float]:
+    """Where head ``k`` of ``count`` of a pot stands from its stem, along and across.
+
+    Stems of a pot stand apart, left and right in turn, so that no flower hides another (the paper reports none
+    missed), and pots are turned so that the arm reaches every head.
+    """
+    ahead = crown_m * ((k + 0.25 + 0.5 * ahead_u) / count - 0.5)
+    half = half_width_m(growth.reach, up_m - growth.motor_height_m, growth.reach.width_m[0], growth.reach.width_m[-1])
+    side = 1.0 - 2.0 * (k % 2)
+    return ahead, side * (0.35 + 0.65 * across_u) * min(0.5 * crown_m, half - _REACH_RESERVE_M)
 
 
-def draw(
-    config: SafflowerConfig, generator: np.random.Generator, perception: PerceptionModel | None = None
-) -> SafflowerField:
-    """One field; without a statistical camera it holds no reports."""
-    return unstack(draw_batch(config, perception, [generator]), perception)[0]
+@compiled
+def in_row(growth: Growth, crown_m: float, count: int, k: int, ahead_u: float, turn: float) -> tuple[float, float]:
+    """Where head ``k`` of ``count`` of a plant in the field stands from its stem, along and across.
+
+    Heads of a plant keep apart: golden-angle places with some play, the terminal head in the middle.
+    """
+    share = (k + _PLAY * ahead_u) / count
+    radius = 0.5 * crown_m * math.sqrt(min(share, 1.0))
+    angle = growth.turn_rad[k] + 2.0 * np.pi * turn
+    return radius * math.cos(angle), radius * math.sin(angle)

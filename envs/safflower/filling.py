@@ -10,8 +10,9 @@ from ...kernels.elementary import exp
 from ..field import ABSENT, Camera, Flags, Whole, repeated
 from .batch import Batch, places, stack, stop_centres, unstack
 from .config import OPEN_STAGES, PerceptionModel, SafflowerConfig, ScenarioConfig
-from .drawing import SIZE_SHARE, SPREAD_SIGMA, draw_tracks, random_numbers
+from .drawing import SIZE_SHARE, SPREAD_SIGMA
 from .field import SPREAD_M, Heads, Plants, Reports, SafflowerField
+from .sighting import Sight, draw_tracks
 
 _MOST_SIGMAS = 3.0
 _LEAST_HEIGHT_M = 0.1
@@ -19,6 +20,7 @@ _LEAST_HEIGHT_M = 0.1
 
 def completed(
     config: SafflowerConfig,
+    sight: Sight | None,
     perception: PerceptionModel | None,
     field: SafflowerField,
     generator: np.random.Generator,
@@ -29,6 +31,7 @@ def completed(
 
     Args:
         config: the task's numbers.
+        sight: what reports are drawn from, None where pictures are rendered.
         perception: the statistical camera, None where pictures are rendered.
         field: every value in its column's range; only what the task fills in is missing.
         generator: draws reports where there are none.
@@ -40,16 +43,14 @@ def completed(
     heads = _whole_heads(config, field.heads, plants)
     _fits(config, heads, len(plants), field.reports)
     field = replace(field, heads=heads, plants=plants)
-    if perception is None:
+    if sight is None or perception is None:
         return replace(field, reports=None, camera=None)
     own = Camera.of(perception)
     if field.reports is not None and (field.camera is None or field.camera.code.tolist() == own.code.tolist()):
         return field
-    *_, uniform, normal = random_numbers(config, perception)
     bare = stack(config, [replace(field, reports=None)])
-    tracks = draw_tracks(
-        config, perception, bare.heads, generator.random((1, uniform)), generator.standard_normal((1, normal))
-    )
+    uniform, normal = sight.random_numbers(bare.heads.exists.shape[1])
+    tracks = draw_tracks(sight, bare.heads, generator.random((1, uniform)), generator.standard_normal((1, normal)))
     reports = unstack(Batch(bare.heads, bare.plants, tracks), perception)[0].reports
     assert reports is not None
     # In a batch heads stand in the order of their slots; the last entry stands for the head -1: none.

@@ -152,13 +152,6 @@ def fill_slots(worlds: Worlds, w: int) -> None:
 
 
 @compiled
-def fill_rows(worlds: Worlds, rows: NDArray[np.int64]) -> None:
-    """``fill_slots`` of the worlds ``rows``."""
-    for w in rows:
-        fill_slots(worlds, w)
-
-
-@compiled
 def shown(value: float, scale: float) -> float:
     """A quantity as policies see it: divided by its scale, and no larger than their space."""
     return min(max(value / scale, -LIMIT), LIMIT)
