@@ -1,6 +1,7 @@
 """What runs on GitHub names Pythons, files and extras that there are, and the security page says what the code does."""
 
 import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,31 @@ def test_every_python_of_the_package_is_tested_on_linux_and_macos() -> None:
     make = (ROOT / "Makefile").read_text("utf-8")
     tried = re.search(r"for version in ([\d. ]+);", make)
     assert tried is not None and sorted(tried[1].split(), key=lambda v: int(v[2:])) == matrix["python"]
+
+
+def test_make_finds_one_python_of_each_version_and_the_preferred_one_first(tmp_path: Path) -> None:
+    """Beside those of the machine, pyenv's: a folder that looks like it, with stand-ins that tell a version."""
+    for version in ("3.10.1", "3.12.2", "3.13.0", "3.14.0", "2.7.18"):
+        python = tmp_path / "versions" / version / "bin" / "python"
+        python.parent.mkdir(parents=True)
+        minor = ".".join(version.split(".")[:2])
+        python.write_text(f'#!/bin/sh\ncase "$2" in *\'!= "{minor}"\'*) exit 0 ;; *) exit 1 ;; esac\n')
+        python.chmod(0o755)
+    command = ["make", "--silent", "--no-print-directory", "pythons", f"PYENV_ROOT={tmp_path}"]
+    path = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    found = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT, env=path).stdout.split()
+    ours = [Path(name).parts[-3] for name in found if name.startswith(str(tmp_path))]
+    # The system's own come before pyenv's of the same version; it has one or two of these at most.
+    assert ours and ours == [name for name in ("3.10.1", "3.12.2", "3.13.0") if name in ours]
+    assert len(set(found)) == len(found) >= 3
+
+
+def test_ci_tries_every_python_that_there_is() -> None:
+    run, portable = ((ROOT / ".ci" / name).read_text("utf-8") for name in ("run", "portable"))
+    assert "make --silent --no-print-directory pythons | tail -n +2" in run and ".ci/portable $python" in run
+    assert "digests.py" in run and "digests.py" in portable and "make test-portable" in portable
+    assert all(f"make {target}" in run for target in ("setup lint", "test", "test-slow"))
+    assert all((ROOT / ".ci" / name).stat().st_mode & 0o111 for name in ("run", "portable"))
 
 
 def test_what_is_run_is_there() -> None:
