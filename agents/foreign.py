@@ -14,7 +14,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
+from ..kernels.files import opened, read_file
+
 T = TypeVar("T")
+MOST_BYTES = 2**31
+"""Largest file of weights or code that is looked at."""
+BLOCK_BYTES = 2**20
+"""As much of it is in memory at a time."""
 DIGITS = 16
 """Hexadecimal digits of a digest that are kept, as everywhere in the package."""
 
@@ -64,7 +70,9 @@ def digest_of_files(*paths: Path) -> str:
     """
     sha = hashlib.sha256()
     for path in paths:
-        sha.update(path.read_bytes())
+        with opened(path, MOST_BYTES) as stream:
+            while block := stream.read(BLOCK_BYTES):
+                sha.update(block)
     return sha.hexdigest()[:DIGITS]
 
 
@@ -99,7 +107,7 @@ def module_of_file(path: Path) -> ModuleType:
         ForeignError: it cannot be read, or its code fails.
     """
     try:
-        code = path.read_bytes()
+        code = read_file(path, MOST_BYTES)
     except OSError as error:
         raise ForeignError(f"cannot read {path} ({error.strerror}): name another file") from None
     name = f"fieldgym_file_{hashlib.sha256(str(path).encode() + code).hexdigest()[:DIGITS]}"

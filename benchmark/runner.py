@@ -16,6 +16,7 @@ from multiprocessing import connection, get_context, parent_process
 from pathlib import Path
 from typing import Any
 
+from ..kernels.config_kinds import one_line
 from . import cluster
 from .episode import RunEpisode, never, run_episode
 from .limits import violations
@@ -223,7 +224,7 @@ _stop: Any = None
 def _prepare_worker(stop: Any) -> None:
     global _stop
     _stop = stop
-    warnings.showwarning = lambda message, *_, **__: print(f"fieldgym: {message}", file=sys.stderr)
+    warnings.showwarning = lambda message, *_, **__: print(f"fieldgym: {one_line(str(message))}", file=sys.stderr)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, daemon=True).start()
 

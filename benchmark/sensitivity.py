@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..kernels.files import appendable, read_file
 from .assumptions.declared import Dossier, End, Yardstick
 from .rates import WORK
 from .statistics import Difference, Estimate, mean, paired_difference
-from .store import source_digest
+from .store import MOST_BYTES, source_digest
 from .suites import FULL_FIRST_SEED
 from .trials import trial
 
@@ -63,6 +64,9 @@ def study(
         episodes: seeds, the benchmark's first ones.
         kept: file of what was played; what stands there from this state of the code is not played again.
         on_trial: told before each trial what is played.
+
+    Raises:
+        OSError: ``kept`` is no file, or cannot be read or written.
     """
     seeds = range(FULL_FIRST_SEED, FULL_FIRST_SEED + episodes)
     wanted = tuple(dict.fromkeys((*FIGURES, *(item.score for item in dossier.yardsticks))))
@@ -72,7 +76,7 @@ def study(
         # An end is told by its words and numbers; eyes are told by their words alone.
         told = [source, dossier.env_id, episodes, what, *([end.text, end.numbers] if end else []), wanted]
         mark = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
-        found = shelf.get(mark)
+        found: Values | None = shelf.get(mark, wanted, episodes)
         if found is None:
             on_trial(what)
             scores = trial(dossier.env_id, seeds, end.numbers if end else None, end.eyes if end else None)
@@ -92,23 +96,31 @@ def study(
 
 
 class _Shelf:
-    """Values of trials in a file of JSON lines, NaN as null; a line that a stop cut off is left out."""
+    """Values of trials in a file of JSON lines, NaN as null; a line that a stop cut off or that holds none is left out.
+
+    Raises:
+        OSError: the file is none, or cannot be read or written.
+    """
 
     def __init__(self, path: Path | None):
-        self._path, self._found = path, {}
+        self._path, self._found = path, dict[str, dict[str, list[float]]]()
         if path is None:
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-        for line in path.read_text("utf-8").splitlines() if path.exists() else ():
+        appendable(path)
+        for line in read_file(path, MOST_BYTES).splitlines() if path.exists() else ():
             try:
                 held = json.loads(line)
-            except ValueError:
+                mark = held.pop("trial")
+                values = {str(name): [np.nan if x is None else float(x) for x in row] for name, row in held.items()}
+                self._found[str(mark)] = values
+            except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError):
                 continue
-            self._found[held.pop("trial")] = held
 
-    def get(self, mark: str) -> Values | None:
-        held = self._found.get(mark)
-        return None if held is None else {name: [np.nan if x is None else x for x in row] for name, row in held.items()}
+    def get(self, mark: str, wanted: Collection[str], episodes: int) -> Values | None:
+        """What was kept of a trial, where it is all that is wanted."""
+        held = self._found.get(mark, {})
+        return held if all(len(held.get(name, ())) == episodes for name in wanted) else None
 
     def put(self, mark: str, values: Values) -> None:
         held = {name: [None if np.isnan(x) else x for x in row] for name, row in values.items()}

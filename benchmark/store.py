@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..kernels.files import flush, read_file, replace_file
+from ..kernels.files import appendable, flush, read_file, replace_file
 from ..kernels.locks import FolderBusyError, FolderLock
 from .record import Record, condition, field_of, identity, key, states, untimed
 from .schema import parsed, parsed_manifest
@@ -160,6 +160,7 @@ class Results:
                 summary.unlink()
         replace_file(folder / MANIFEST, json.dumps(manifest_now, indent=2) + "\n")
         for name in (EPISODES, BOUNDS):
+            appendable(folder / name)
             self._files[name] = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
         flush(folder)
 

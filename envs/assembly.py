@@ -9,13 +9,16 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from ..kernels.config import Config, from_mapping, override
+from ..kernels.config import Config, ConfigError, from_mapping, override
+from ..kernels.config_kinds import show
 from .core import Executor, TaskCore, View
 
 BACKENDS = ("pybullet", "analytic")
 PERCEPTIONS = ("perfect", "model", "camera")
 PRESET = "preset"
 """Among overrides: the name of a preset, or several."""
+MOST_BASES = 16
+"""Scenario files that may build on each other."""
 CUSTOM = "custom"
 """Name of a scenario that came as numbers, not by name."""
 
@@ -107,8 +110,8 @@ class Assembly(Generic[ConfigT]):
         if choice("backend", backend, BACKENDS) != "analytic":
             raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
         if render_mode is not None:
-            raise ValueError(f"render_mode = {render_mode!r}: a batch draws no pictures for people, use None")
-        return choice("perception", perception or self.default_perception(backend), self.perceptions)
+            raise ValueError(f"render_mode = {show(render_mode)}: a batch draws no pictures for people, use None")
+        return choice("perception", _given(perception, self.default_perception(backend)), self.perceptions)
 
     def perception_model(self, perception: str, config: ConfigT) -> Any:
         """Statistics behind a perception level; None when reports come from a camera."""
@@ -148,6 +151,8 @@ class Assembly(Generic[ConfigT]):
             if value is not None:
                 setting = self.settings[name]
                 config = override(config, {setting: value}) if isinstance(setting, str) else setting(config, value)
+        if overrides is not None and not isinstance(overrides, Mapping):
+            raise ValueError(f"overrides = {show(overrides)}: give numbers by their dotted names")
         asked = override(config, {**self._expanded(overrides or {}), **self.fixed})
         return asked if self.within_motors is None else self.within_motors(asked)
 
@@ -155,30 +160,46 @@ class Assembly(Generic[ConfigT]):
         """Overrides with the numbers of their presets, if any."""
         numbers = {name: value for name, value in overrides.items() if name != PRESET}
         asked, found = overrides.get(PRESET, ()), {}
-        for name in (asked,) if isinstance(asked, str) else asked:
-            if name not in self.presets:
-                there = meant(str(name), tuple(self.presets)) if self.presets else "this task has none"
-                raise ValueError(f"preset = {name!r} is unknown: {there}")
+        for name in asked if isinstance(asked, list | tuple) else (asked,):
+            if not isinstance(name, str) or name not in self.presets:
+                there = meant(name, tuple(self.presets)) if self.presets else "this task has none"
+                raise ValueError(f"preset = {show(name)} is unknown: {there}")
             found |= self.presets[name]
         return {**found, **numbers}
 
-    def scenario(self, scenario: str | PathLike[str]) -> Any:
+    def scenario(self, scenario: str | PathLike[str], based: int = 0) -> Any:
         """A scenario by its name or from a YAML file.
+
+        Args:
+            scenario: name or file.
+            based: files that build on it.
 
         Raises:
             ValueError: there is no such scenario, or the file is no scenario of this task.
         """
-        text = str(scenario)
+        text = str(scenario) if isinstance(scenario, str | PathLike) else ""
         if text in self.scenarios:
             return self.scenarios[text]
-        if text.endswith((".yaml", ".yml")):
-            from ..kernels.config_files import load_yaml
+        if not text.endswith((".yaml", ".yml")):
+            what = show(text or scenario)
+            raise ValueError(
+                f"scenario = {what} is unknown: {meant(text, tuple(self.scenarios))}, or name a .yaml file"
+            )
+        from ..kernels.config_files import load_yaml
 
-            kind = type(next(iter(self.scenarios.values())))
-            data = dict(load_yaml(Path(text)))
-            base = self.scenario(data.pop("base")) if "base" in data else None
-            return from_mapping(kind, data, base)
-        raise ValueError(f"scenario = {text!r} is unknown: {meant(text, tuple(self.scenarios))}, or name a .yaml file")
+        if based > MOST_BASES:
+            told = f"more than {MOST_BASES} files that build on each other by 'base': does one build on itself?"
+            raise ValueError(f"scenario = {show(text)}: {told}")
+        data, base = load_yaml(Path(text)), None
+        if "base" in data:
+            try:
+                base = self.scenario(data["base"], based + 1)
+            except ConfigError:
+                raise
+            except ValueError as error:
+                raise ConfigError("base", f": {error}", place=data.place("base")) from None
+            del data["base"]
+        return from_mapping(type(next(iter(self.scenarios.values()))), data, base)
 
 
 KEYWORDS = (
@@ -187,9 +208,9 @@ KEYWORDS = (
 )  # fmt: skip
 
 
-def meant(name: str, known: Sequence[str]) -> str:
+def meant(name: object, known: Sequence[str]) -> str:
     """What to choose instead of an unknown name, the nearest first."""
-    near = get_close_matches(name, known, n=1, cutoff=0.5)
+    near = get_close_matches(name[:100], known, n=1, cutoff=0.5) if isinstance(name, str) else []
     hint = f"did you mean {near[0]!r}? " if near else ""
     return f"{hint}choose one of {', '.join(map(repr, known))}"
 
@@ -200,13 +221,22 @@ def backend_of(backend: str | None, engine: str | None) -> str | None:
     Raises:
         ValueError: both were given, and differ.
     """
-    if None not in (backend, engine) and backend != engine:
-        raise ValueError(f"backend = {backend!r} and engine = {engine!r}: two names of one keyword, give one of them")
-    return engine if backend is None else backend
+    if backend is None or engine is None:
+        return _given(backend, engine)
+    if not (isinstance(backend, str) and isinstance(engine, str) and backend == engine):
+        told = "two names of one keyword, give one of them"
+        raise ValueError(f"backend = {show(backend)} and engine = {show(engine)}: {told}")
+    return backend
 
 
 def choice(name: str, value: object, allowed: Sequence[str]) -> str:
     """Return ``value`` when it is one of ``allowed``, else raise an error that lists them."""
-    if value not in allowed:
-        raise ValueError(f"{name} = {value!r} is unknown: {meant(str(value), allowed)}")
+    # Arrays would be compared one by one.
+    if not isinstance(value, str) or value not in allowed:
+        raise ValueError(f"{name} = {show(value)} is unknown: {meant(value, allowed)}")
     return str(value)
+
+
+def _given(value: Any, otherwise: Any) -> Any:
+    """A keyword's value, or what is meant where it was left out."""
+    return otherwise if value is None else value

@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ..kernels.config_kinds import show
 from ..rendering.shots import Shot
 from .columns import Says, documented
 from .field import Field, FieldError
@@ -111,7 +112,7 @@ class TaskCore(ABC, Generic[PlanT, OutcomeT]):
     def __init__(self, worlds: int):
         """Prepare ``worlds`` worlds; each must be reset before its first plan."""
         if isinstance(worlds, bool) or not isinstance(worlds, int | np.integer) or worlds < 1:
-            raise ValueError(f"num_envs = {worlds!r}: give at least 1 world")
+            raise ValueError(f"num_envs = {show(worlds)}: give at least 1 world")
         self.worlds = int(worlds)
         self._planned: Any = None
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.config_kinds import show
 from .assembly import meant
 from .core import TaskCore
 from .field import FieldError
@@ -29,10 +30,10 @@ def checked_action(action: Any, n: int) -> int:
     else:
         number = np.asarray(action)
         if number.size != 1 or number.dtype.kind not in "iu":
-            raise ValueError(f"action = {action!r} is not one integer: give a number in 0..{n - 1}")
+            raise ValueError(f"action = {show(action)} is not one integer: give a number in 0..{n - 1}")
         value = int(number.reshape(()))
     if not 0 <= value < n:
-        raise ValueError(f"action = {value}: allowed range 0..{n - 1}, see info['action_mask']")
+        raise ValueError(f"action = {show(value)}: allowed range 0..{n - 1}, see info['action_mask']")
     return value
 
 
@@ -60,10 +61,10 @@ def checked_options(options: Any, known: Sequence[str]) -> Mapping[str, Any]:
     if options is None:
         return {}
     if not isinstance(options, Mapping):
-        raise ValueError(f"options = {options!r}: give a dict, with any of {', '.join(map(repr, known))}")
+        raise ValueError(f"options = {show(options)}: give a dict, with any of {', '.join(map(repr, known))}")
     for name in options:
         if name not in known:
-            raise ValueError(f"option {name!r} of reset is unknown: {meant(str(name), known)}")
+            raise ValueError(f"option {show(name)} of reset is unknown: {meant(name, known)}")
     return options
 
 
@@ -80,7 +81,7 @@ def checked_seed(seed: Any) -> int | None:
     except TypeError:
         number = -1
     if number < 0:
-        raise ValueError(f"seed = {seed!r}: give a whole number from 0, or None")
+        raise ValueError(f"seed = {show(seed)}: give a whole number from 0, or None")
     return number
 
 

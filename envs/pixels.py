@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ..kernels.config_kinds import show
 from .assembly import choice
 from .core import View
 
@@ -42,14 +43,14 @@ class Shown(NamedTuple):
         """
         choice("observation", observation, OBSERVATIONS)
         if isinstance(rows, bool) or not isinstance(rows, int | np.integer) or not _FEWEST_ROWS <= rows <= _MOST_ROWS:
-            raise ValueError(f"pixel_rows = {rows!r}: give a whole number in {_FEWEST_ROWS}..{_MOST_ROWS}")
+            raise ValueError(f"pixel_rows = {show(rows)}: give a whole number in {_FEWEST_ROWS}..{_MOST_ROWS}")
         if not isinstance(depth, bool | np.bool_):
-            raise ValueError(f"depth = {depth!r}: give True or False")
+            raise ValueError(f"depth = {show(depth)}: give True or False")
         if observation == OBSERVATIONS[0]:
             if rows != DEFAULT_ROWS or depth:
                 raise ValueError('pixel_rows and depth say how pictures are drawn: pass observation="pixels" too')
         elif not has_view:
-            raise ValueError(f'observation = {observation!r}: this task draws nothing, use "features"')
+            raise ValueError(f'observation = {show(observation)}: this task draws nothing, use "features"')
         return cls(str(observation), int(rows), bool(depth))
 
     @property

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.config_kinds import show
 from ..rendering.shots import Shot
 from .assembly import Assembly, choice
 from .references import resolved
@@ -33,13 +34,15 @@ def checked_shot(parts: Assembly[Any], camera: str | None, width: int | None, he
         return Shot(camera=parts.cameras[0]) if parts.cameras else Shot()
     if not parts.cameras:
         name, value = next(iter(given.items()))
-        raise ValueError(f"{name} = {value!r}: pictures of this task are as they are, its assembly names no cameras")
+        raise ValueError(
+            f"{name} = {show(value)}: pictures of this task are as they are, its assembly names no cameras"
+        )
     for name, value in given.items():
         if name != "camera" and (
             isinstance(value, bool) or not isinstance(value, int | np.integer) or not _LEAST_PX <= value <= _MOST_PX
         ):
-            raise ValueError(f"{name} = {value!r}: give a whole number of pixels in {_LEAST_PX}..{_MOST_PX}")
-    return Shot(width, height, choice("camera", camera or parts.cameras[0], parts.cameras))
+            raise ValueError(f"{name} = {show(value)}: give a whole number of pixels in {_LEAST_PX}..{_MOST_PX}")
+    return Shot(width, height, choice("camera", parts.cameras[0] if camera is None else camera, parts.cameras))
 
 
 class Screen:

@@ -79,13 +79,15 @@ class TaskEnv(gym.Env[Any, Any], Generic[PlanT, OutcomeT]):
         **settings: Any,
     ):
         """Put the parts together."""
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f"render_mode = {render_mode!r}: choose 'human', 'rgb_array' or None")
+        if render_mode is not None:
+            choice("render_mode", render_mode, self.metadata["render_modes"])
         parts, rest = self.equipped(settings)
         self._equipment = {name: value for name, value in settings.items() if name not in rest}
         self.shown = Shown.checked(observation, pixel_rows, depth, parts.view is not None)
-        backend = choice("backend", backend_of(backend, engine) or parts.backends[0], parts.backends)
-        perception = choice("perception", perception or parts.default_perception(backend), parts.perceptions)
+        asked = backend_of(backend, engine)
+        backend = choice("backend", parts.backends[0] if asked is None else asked, parts.backends)
+        seen = parts.default_perception(backend) if perception is None else perception
+        perception = choice("perception", seen, parts.perceptions)
         config = parts.configured(scenario, config, overrides, rest)
         self.backend, self.perception, self.scenario = backend, perception, parts.name_of(config.scenario)
         self.core: TaskCore[PlanT, OutcomeT] = parts.core(config, parts.perception_model(perception, config), 1)

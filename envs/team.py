@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..kernels.config_kinds import show
 from .core import TaskCore
 
 Result = TypeVar("Result")
@@ -85,7 +86,7 @@ class Team:
             ValueError: the threads are no whole number from 1 up to the number of worlds, or worlds have cameras.
         """
         if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or not 1 <= threads <= core.worlds:
-            raise ValueError(f"threads = {threads!r}: give a whole number in 1..{core.worlds}, at most one a world")
+            raise ValueError(f"threads = {show(threads)}: give a whole number in 1..{core.worlds}, at most one a world")
         if sees and threads > 1:
             raise ValueError(f"threads = {threads}: worlds that are drawn are stepped by one thread, give 1")
         self.threads, self._core = int(threads), core

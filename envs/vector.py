@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from .asked import AskedByName
-from .assembly import Assembly, backend_of
+from .assembly import Assembly, backend_of, choice
 from .cameras import Cameras
 from .core import Array, OutcomeT, Page, PlanT, TaskCore
 from .ended import Ended
@@ -96,7 +96,8 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
         super().__init__()
         given = settings
         parts, settings = self.equipped(settings)
-        backend = backend_of(backend, engine) or "analytic"
+        asked = backend_of(backend, engine)
+        backend = "analytic" if asked is None else asked
         perception = parts.batched(backend, perception, render_mode)
         self.shown = Shown.checked(observation, pixel_rows, depth, parts.view is not None)
         config = parts.configured(scenario, config, overrides, settings)
@@ -105,7 +106,8 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
         core: TaskCore[PlanT, OutcomeT] = parts.core(config, parts.perception_model(perception, config), num_envs)
         self.core = core
         self.num_envs = core.worlds
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
+        self.autoreset_mode = AutoresetMode(choice("autoreset_mode", mode, [each.value for each in AutoresetMode]))
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.cameras = self._equip()
         self._team = Team(threads, core, sees=self.cameras is not None)

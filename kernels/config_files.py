@@ -9,9 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from os import PathLike, fspath
+from pathlib import Path
 from typing import Any
 
 from .config_kinds import ConfigError, label, one_line, show
+from .files import read_file
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 32
@@ -58,13 +60,10 @@ def load_yaml(path: str | PathLike[str]) -> Located:
     """
     file = one_line(fspath(path))
     try:
-        with open(path, "rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+        data = read_file(Path(path), MAX_BYTES)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise ConfigError("", f"cannot be read: {reason}", place=file) from None
-    if len(data) > MAX_BYTES:
-        raise ConfigError("", f"is larger than {MAX_BYTES} bytes: give a smaller file", place=file)
     try:
         return parse_yaml(data.decode("utf-8"), file)
     except UnicodeDecodeError as error:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import stat
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 
 def replace_file(path: Path, data: bytes | str) -> None:
@@ -76,15 +78,50 @@ def read_file(path: Path, most_bytes: int) -> bytes:
     Raises:
         OSError: it is no file, too large, or cannot be read; ``strerror`` says which.
     """
+    with opened(path, most_bytes) as stream:
+        data = stream.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        raise OSError(0, f"it grows beyond {most_bytes} bytes", str(path))
+    return data
+
+
+@contextmanager
+def opened(path: Path, most_bytes: int) -> Iterator[BinaryIO]:
+    """What ``read_file`` reads, for whoever reads it bit by bit.
+
+    Raises:
+        OSError: it is no file, too large, or cannot be read; ``strerror`` says which.
+    """
     _checked(os.stat(path), path, most_bytes)
     # It may have become a pipe since, and opening one of these waits for who writes into it.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     with os.fdopen(handle, "rb") as stream:
         _checked(os.fstat(handle), path, most_bytes)
-        data = stream.read(most_bytes + 1)
-    if len(data) > most_bytes:
-        raise OSError(0, f"it grows beyond {most_bytes} bytes", str(path))
-    return data
+        yield stream
+
+
+def appendable(path: Path) -> None:
+    """See to it that ``path`` is a file or nothing yet: a pipe would wait for a reader, a device would keep nothing.
+
+    Raises:
+        OSError: it is something else; ``strerror`` says what.
+    """
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        return
+    _checked(found, path, found.st_size)
+
+
+def unpacked_bytes(data: BinaryIO) -> int:
+    """What an archive's members take when they are unpacked; 0 of what is no zip archive."""
+    try:
+        with zipfile.ZipFile(data) as archive:
+            return sum(item.file_size for item in archive.infolist())
+    except zipfile.BadZipFile:
+        return 0
+    finally:
+        data.seek(0)
 
 
 def _checked(found: os.stat_result, path: Path, most_bytes: int) -> None:

@@ -190,17 +190,12 @@ def _close(console: Console, report: RunResult, paths: list[Path]) -> None:
     if report.outdated:
         console.print(f"{report.outdated} earlier results were left out: a policy, scenario or field has changed.")
     if report.failures:
-        reasons = dict.fromkeys(str(record["error"]) for record in report.failures)
-        typer.echo(
-            f"fieldgym: {len(report.failures)} episodes failed and are not in the table ({'; '.join(reasons)}); "
-            "run them again with --resume",
-            err=True,
-        )
+        reasons = "; ".join(dict.fromkeys(str(record["error"]) for record in report.failures))
+        told = f"{len(report.failures)} episodes failed and are not in the table ({reasons})"
+        common.tell(f"{told}; run them again with --resume")
     for line in report.violations[:MOST_VIOLATIONS]:
-        typer.echo(f"fieldgym: {line}", err=True)
+        common.tell(line)
     if report.violations:
-        typer.echo(
-            f"fieldgym: {len(report.violations)} results beat their bound: the rules or the bound are wrong", err=True
-        )
+        common.tell(f"{len(report.violations)} results beat their bound: the rules or the bound are wrong")
     if report.failures or report.violations:
         raise typer.Exit(1)

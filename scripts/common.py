@@ -107,7 +107,7 @@ def usable_tasks() -> list[TaskSpec]:
         warnings.simplefilter("always")
         found = usable()
     for warning in told:
-        typer.echo(f"fieldgym: {warning.message}", err=True)
+        tell(warning.message)
     return found
 
 
@@ -252,7 +252,7 @@ def execute(app: typer.Typer, name: str) -> NoReturn:
         name: what the help and the errors call the program.
     """
     # What is said of a policy or a plug-in is for a user, who has no use for the place in the code.
-    warnings.showwarning = lambda message, *_, **__: print(f"fieldgym: {message}", file=sys.stderr)
+    warnings.showwarning = lambda message, *_, **__: tell(message)
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())  # module:Name means a module that lies here, too
     for stream in (sys.stdout, sys.stderr):
@@ -304,6 +304,13 @@ def _guard_output() -> None:
         setattr(sys.stdout, name, guarded(getattr(sys.stdout, name)))
 
 
+def tell(message: object) -> None:
+    """Say something on the standard error, in one line whatever a file, a policy or an error is called."""
+    from fieldgym.kernels.config_kinds import one_line
+
+    print(f"fieldgym: {one_line(str(message))}", file=sys.stderr)
+
+
 def _told(message: str, code: int) -> int:
-    print(f"fieldgym: {message}", file=sys.stderr)
+    tell(message)
     return code

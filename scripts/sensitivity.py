@@ -55,7 +55,10 @@ def main(
                 bar.update(line, advance=1, description=f"{name}, {what}"[:70])
 
             kept = charts / f".{assumption_page.chart_name(dossiers)}.jsonl"
-            parts.append((dossiers, study(dossiers, episodes, kept, on_trial)))
+            try:
+                parts.append((dossiers, study(dossiers, episodes, kept, on_trial)))
+            except OSError as error:
+                raise common.CommandError(f"cannot use {kept} ({error.strerror}): delete it") from None
             bar.remove_task(line)
     try:
         for dossiers, found in parts:

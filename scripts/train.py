@@ -17,6 +17,7 @@ from fieldgym.scripts.common import (
     at_least_one,
     chosen,
     environment_id,
+    tell,
     writable_folder,
 )
 
@@ -164,7 +165,7 @@ def _train(
     except OSError as error:
         raise CommandError(f"cannot write to {folder} ({error.strerror}): choose another folder with --out") from None
     except KeyboardInterrupt:
-        typer.echo(f"fieldgym: stopped; the last update's checkpoint is in {folder}. Go on with --resume", err=True)
+        tell(f"stopped; the last update's checkpoint is in {folder}. Go on with --resume")
         raise typer.Exit(INTERRUPTED) from None
     console.print(result.progress.split(), soft_wrap=True)
     for point in result.curve[-1:]:

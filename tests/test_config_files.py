@@ -173,14 +173,16 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     pytest.importorskip("yaml")
     file = tmp_path / "field.yaml"
     assert refusal(load_yaml, file) == f"{file}: cannot be read: No such file or directory"
-    assert refusal(load_yaml, tmp_path) == f"{tmp_path}: cannot be read: Is a directory"
+    assert refusal(load_yaml, tmp_path) == f"{tmp_path}: cannot be read: it is a folder, no file"
     assert "cannot be read" in refusal(load_yaml, "a\0b")
     file.write_bytes(b"a: 1\nb: \xff")
     assert refusal(load_yaml, file) == f"{file}:2: is not UTF-8: save it as UTF-8"
     file.write_bytes(b"a: \0")
     assert refusal(load_yaml, file).startswith(f"{file}: no YAML: ")
     file.write_bytes(b"#" * (MAX_BYTES + 1))
-    assert refusal(load_yaml, file) == f"{file}: is larger than {MAX_BYTES} bytes: give a smaller file"
+    assert refusal(load_yaml, file) == (
+        f"{file}: cannot be read: it has {MAX_BYTES + 1} bytes, at most {MAX_BYTES} are read"
+    )
     file.write_bytes(b"#" * MAX_BYTES)
     assert load_yaml(file) == {}
 

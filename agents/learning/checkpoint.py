@@ -17,13 +17,13 @@ import numpy as np
 import torch
 
 from ...envs.state import held
-from ...kernels.files import read_file, replaced
+from ...kernels.files import read_file, replaced, unpacked_bytes
 from .runs import CheckpointError, told_as_damage
 from .sb3 import NativeVecEnv
 
 FORMAT = 2
 MOST_BYTES = 2**31
-"""Largest file that is read."""
+"""Largest file that is read, packed or not."""
 _MT_WORDS = 624
 
 
@@ -70,6 +70,9 @@ def read(path: Path) -> dict[str, Any]:
     """
     try:
         data = io.BytesIO(read_file(path, MOST_BYTES))
+        unpacked = unpacked_bytes(data)
+        if unpacked > MOST_BYTES:
+            raise ValueError(f"it unpacks to {unpacked} bytes, at most {MOST_BYTES} are read")
         state = torch.load(data, weights_only=True, map_location="cpu")
         state["text"] = json.loads(state["text"])
         version = state["format"]

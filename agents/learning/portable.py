@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import resources
@@ -20,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...envs.references import resolved
-from ...kernels.files import read_file, replace_file
+from ...kernels.files import read_file, replace_file, unpacked_bytes
 from ..foreign import in_words
 from ..policies.network import FORMAT as NETWORK
 from ..policies.network import NetworkPolicy
@@ -169,11 +168,9 @@ def _read_card(path: Path) -> dict[str, Any]:
 def _read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
     try:
         data = io.BytesIO(read_file(path, MOST_BYTES))
-        with zipfile.ZipFile(data) as archive:
-            unpacked = sum(item.file_size for item in archive.infolist())
-            if unpacked > MOST_BYTES:
-                raise PolicyFileError(f"it unpacks to {unpacked} bytes, at most {MOST_BYTES} are read")
-        data.seek(0)
+        unpacked = unpacked_bytes(data)
+        if unpacked > MOST_BYTES:
+            raise PolicyFileError(f"it unpacks to {unpacked} bytes, at most {MOST_BYTES} are read")
         with np.load(data, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in list(arrays)}
     except PolicyFileError:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..foreign import in_words
+from ...kernels.files import opened, unpacked_bytes
+from ..foreign import MOST_BYTES, in_words
 from ..policies.base import Actions, Observation, StatelessPolicy
 from ..policies.weights import PolicyFileError
 
@@ -43,6 +44,10 @@ def load_model(path: Path, env: Any) -> SavedModelPolicy:
         raise PolicyFileError(f'{path} needs Stable-Baselines3: pip install "fieldgym[rl]"') from None
     core = env.unwrapped.core
     try:
+        with opened(path, MOST_BYTES) as file:
+            unpacked = unpacked_bytes(file)
+        if unpacked > MOST_BYTES:
+            raise ValueError(f"it unpacks to {unpacked} bytes, at most {MOST_BYTES} are read")
         saved: Any = load_from_zip_file(path, device="cpu")
         data, parameters = saved[0], saved[1]
         spaces = data["observation_space"], data["action_space"]

@@ -12,7 +12,10 @@ from functools import lru_cache
 from math import inf, isclose
 from typing import Literal
 
+import numpy as np
+
 from ...kernels.config import Config, choice, flag, nested, num
+from ...kernels.config_kinds import show
 from ...mechanisms import TranslationalFiveBar
 from ...motion import GATE_STYLES, Gate
 from ...simulation.assets import asset_text
@@ -74,8 +77,8 @@ def tray(cells: int, allowed: tuple[int, ...], name: str) -> Tray:
     Raises:
         ValueError: it is not one of ``allowed``.
     """
-    if cells not in allowed:
-        raise ValueError(f"{name} = {cells!r} cells: choose one of {', '.join(map(str, allowed))}")
+    if isinstance(cells, bool) or not isinstance(cells, int | np.integer) or cells not in allowed:
+        raise ValueError(f"{name} = {show(cells)} cells: choose one of {', '.join(map(str, allowed))}")
     return TRAYS[cells]
 
 
