@@ -7,6 +7,7 @@ import stat
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from glob import escape
 from pathlib import Path
 from typing import BinaryIO
 
@@ -30,12 +31,16 @@ def replaced(path: Path) -> Iterator[Path]:
     """A name in ``path``'s folder and with its ending, for whatever writes files by name.
 
     What lies there at the end of the block takes the place of ``path``, and is on the disk. After an error ``path`` is
-    what it was.
+    what it was. What a process that was killed here left behind is removed.
 
     Raises:
         OSError: it cannot be written.
     """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    for left in path.parent.glob(f".{escape(path.stem)}.*.part{escape(path.suffix)}"):
+        number = left.name[len(path.stem) + 2 : len(left.name) - len(path.suffix) - len(".part")]
+        if number.isdecimal() and not alive(int(number)):
+            left.unlink(missing_ok=True)
     try:
         yield temporary
         # A rename may reach the disk before what it names: after a power cut the file would be empty.
@@ -44,6 +49,19 @@ def replaced(path: Path) -> Iterator[Path]:
         flush(path.parent)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def alive(process: int) -> bool:
+    """Whether a process of this number, another than this one, may live on this machine."""
+    if process < 1 or os.name != "posix":
+        return False
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return process != os.getpid()
 
 
 def flush(path: Path) -> None:

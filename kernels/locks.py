@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from .files import read_file
+from .files import alive, read_file
 
 try:
     import fcntl
@@ -58,7 +58,7 @@ class FolderLock:
                 raise FolderBusyError(_told(folder, owner, self.path, sure=True))
             elsewhere = owner.get("host", socket.gethostname()) != socket.gethostname()
             # Without locks of the system, a living process is the owner.
-            if elsewhere or (held is None and _lives(owner.get("process"))):
+            if elsewhere or (held is None and (type(owner.get("process")) is int and alive(owner["process"]))):
                 raise FolderBusyError(_told(folder, owner, self.path, sure=not elsewhere))
             if not _same(handle, self.path):
                 os.close(handle)
@@ -124,18 +124,6 @@ def _self() -> dict[str, Any]:
         user = str(getattr(os, "getuid", lambda: "unknown")())
     since = time.strftime("%Y-%m-%dT%H:%M:%S%z")
     return {"process": os.getpid(), "host": socket.gethostname(), "user": user, "since": since}
-
-
-def _lives(process: Any) -> bool:
-    if type(process) is not int or process < 1 or os.name != "posix":
-        return False
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        return True
-    return process != os.getpid()
 
 
 def _told(folder: Path, owner: dict[str, Any], path: Path, sure: bool) -> str:

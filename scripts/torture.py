@@ -85,6 +85,11 @@ def files(session: Session) -> Tally:
     """A file a case."""
     count, good = session.part(FILES), session.folder / "good"
     good.mkdir()
+    made = list(
+        watched(partial(torture_files.make, good=good), "files", session.seed, iter((0,)), Limits(600.0, 3600.0))
+    )
+    if made[0].faults:
+        return made[0]
     case = partial(torture_files.case, good=good)
     return _added("files", count, "files", session.watched(case, "files", count))
 
@@ -102,7 +107,7 @@ def resets(session: Session) -> Tally:
     count = session.part(RESETS)
     ids = torture_actions.own_ids()
     case = partial(torture_resets.case, resets=count)
-    return _added("resets", len(ids), "ids", session.watched(case, "resets", len(ids), Limits(seconds=7200.0)))
+    return _added("resets", len(ids), "ids", session.watched(case, "resets", len(ids), Limits(7200.0, 36_000.0)))
 
 
 SECTIONS: dict[str, Callable[[Session], Tally]] = {

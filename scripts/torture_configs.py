@@ -20,6 +20,7 @@ from fieldgym.scripts.torture_parts import Tally, check_observation
 from fieldgym.scripts.torture_values import ANYTHING, any_of, called
 
 STEPS = 6
+WITH = " was raised from the environment creator"
 KEYWORDS = ("scenario", "backend", "engine", "perception", "config", "overrides", "observation", "pixel_rows", "depth")
 KEYWORDS += ("camera", "width", "height", "slots", "motion", "source_tray", "target_tray", "wheels", "preset")
 ODD_TEXT = (b"", b"\n", b"\t", b":", b"- ", b"{", b"[" * 50, b"&a ", b"*a", b"!!int ", b"%", b"\xff", b"nan", b"#")
@@ -57,7 +58,9 @@ def _play(rng: np.random.Generator, env_id: str, asked: dict[str, Any], batched:
             env = gym.make(env_id, disable_env_checker=True, **{"backend": "analytic", **asked}).unwrapped
         observation, _ = env.reset(seed=int(rng.integers(2**31)))
     except Exception as error:
-        tally.refused(error, REFUSED, what)
+        # To a TypeError Gymnasium adds all keywords as they are.
+        told = TypeError(str(error).partition(WITH)[0]) if isinstance(error, TypeError) else error
+        tally.refused(told, REFUSED, what)
         tally.counts["refused"] += 1
         if env is not None:
             tally.counts["refused at reset"] += 1
@@ -101,24 +104,24 @@ def _number(rng: np.random.Generator, line: Line) -> Any:
     low = -1e3 if line.low is None else line.low
     high = 1e3 if line.high is None else line.high
     dice = rng.random()
-    if dice < 0.35:
+    if dice < 0.45:
         whole = isinstance(line.default, int) and not isinstance(line.default, bool)
         if low > 0.0 and isfinite(high) and high / low > 100.0:
             value = float(np.exp(rng.uniform(np.log(low), np.log(high))))
         else:
             value = float(rng.uniform(low, min(high, 1e12)))
         return int(value) if whole else value
-    if dice < 0.6:
+    if dice < 0.65:
         return low if rng.random() < 0.5 else high
-    if dice < 0.75 and isinstance(line.default, (int, float)) and not isinf(line.default):
+    if dice < 0.85 and isinstance(line.default, (int, float)) and not isinf(line.default):
         return type(line.default)(line.default * any_of(rng, (0.5, 0.9, 1.1, 2.0, 10.0, 0.0, -1.0)))
-    if dice < 0.85:
+    if dice < 0.9:
         return float(np.nextafter(high, np.inf)) if rng.random() < 0.5 else float(np.nextafter(low, -np.inf))
     return line.default
 
 
 def _value(rng: np.random.Generator, line: Line) -> Any:
-    if rng.random() < 0.12:
+    if rng.random() < 0.05:
         return any_of(rng)
     if isinstance(line.default, bool):
         return bool(rng.random() < 0.5)

@@ -23,13 +23,15 @@ from fieldgym.scripts.torture_spoilt import FORMS, Spoil
 
 CODES = (0, 1, 2)
 TRAINED = "SafflowerPicking"
-SETTINGS = """defaults:
-  {steps: STEPS, num_envs: 4, n_steps: 16, batch_size: 32, n_epochs: 1, hidden: 8, critic_hidden: 8, evaluate_every: 1,
-   evaluation_episodes: 2, teacher: null}
+SCENARIO = "pots"
+SETTINGS = """scenarios:
+  pots: {steps: STEPS, num_envs: 4, n_steps: 16, batch_size: 32, n_epochs: 1, hidden: 8, critic_hidden: 8, relations: 0,
+    evaluate_every: 1, evaluation_episodes: 2, teacher: null}
 """
+"""A task's own settings of a scenario come before a file's defaults."""
 ITERATED = "ProduceSorting"
-ROUNDS = """defaults:
-  {algo: policy-iteration, steps: STEPS, teacher: fifo, episodes: 8, depth: 2, width: 4, evaluation_episodes: 2}
+ROUNDS = """scenarios:
+  load-1.25: {steps: STEPS, teacher: fifo, episodes: 8, depth: 2, width: 4, evaluation_episodes: 2}
 """
 COCO = """{"images": [{"id": 1, "file_name": "a.jpg", "width": 1920, "height": 1088}],
 "categories": [{"id": 1, "name": "Chenopodium album"}, {"id": 2, "name": "Zea mays"}],
@@ -48,10 +50,8 @@ def case(rng: np.random.Generator, number: int, tally: Tally, good: Path) -> Non
         rng: chooses what is spoilt.
         number: says which kind of file, and in which way.
         tally: takes what came of it.
-        good: folder of files that are whole, made at the first case.
+        good: folder of files that are whole, see ``make``.
     """
-    if not (good / "made").exists():
-        _make(good)
     kinds = list(KINDS)
     kind, form = kinds[number % len(kinds)], list(FORMS)[number // len(kinds) % len(FORMS)]
     tally.counts["files"] += 1
@@ -194,14 +194,20 @@ def _model(reading: Reading) -> None:
     reading.command("evaluate", TRAINED, *words)
 
 
-def _checkpoint(reading: Reading, run: str, task: str, state: str, name: str) -> None:
+def training(task: str, scenario: str, settings: Path) -> tuple[str, ...]:
+    """Words of a command that trains with settings of a file."""
+    return ("train", task, "--scenario", scenario, "--config", str(settings), "--threads", "1")
+
+
+def _checkpoint(reading: Reading, run: str, state: str, name: str) -> None:
     """Go on with a run whose folder holds a spoilt file."""
     out = reading.folder / run
     out.mkdir()
     shutil.copy(reading.good / run / state, out / state)
     _spoil_in(reading, run, name)
-    words = ("train", task, "--config", str(reading.good / f"{run}-more.yaml"), "--threads", "1", "--out", str(out))
-    reading.command(*words, "--resume")
+    task, scenario = (TRAINED, SCENARIO) if run == "run" else (ITERATED, "load-1.25")
+    words = training(task, scenario, reading.good / f"{run}-more.yaml")
+    reading.command(*words, "--out", str(out), "--resume")
 
 
 def _spoil_in(reading: Reading, folder: str, name: str) -> None:
@@ -229,9 +235,9 @@ KINDS: dict[str, Callable[[Reading], None]] = {
     "policy.npz": lambda reading: _policy(reading, ".npz"),
     "policy.json": lambda reading: _policy(reading, ".json"),
     "model.zip": _model,
-    "state.pt": lambda reading: _checkpoint(reading, "run", TRAINED, "state.pt", "state.pt"),
-    "state.json": lambda reading: _checkpoint(reading, "rounds", ITERATED, "state.json", "state.json"),
-    "a run's lock": lambda reading: _checkpoint(reading, "run", TRAINED, "state.pt", ".lock"),
+    "state.pt": lambda reading: _checkpoint(reading, "run", "state.pt", "state.pt"),
+    "state.json": lambda reading: _checkpoint(reading, "rounds", "state.json", "state.json"),
+    "a run's lock": lambda reading: _checkpoint(reading, "run", "state.pt", ".lock"),
     "episodes.jsonl": lambda reading: _results(reading, "episodes.jsonl"),
     "bounds.jsonl": lambda reading: _results(reading, "bounds.jsonl"),
     "manifest.json": lambda reading: _results(reading, "manifest.json"),
@@ -239,8 +245,8 @@ KINDS: dict[str, Callable[[Reading], None]] = {
 }
 
 
-def _make(good: Path) -> None:
-    """Files that are whole."""
+def make(rng: np.random.Generator, number: int, tally: Tally, good: Path) -> None:
+    """Files that are whole, a case of its own: it plays and trains."""
     import yaml
 
     from fieldgym.agents.learning.portable import shipped
@@ -273,12 +279,11 @@ def _make(good: Path) -> None:
     env = make_vec_env(f"fieldgym/{TRAINED}-v0", 2, 0)
     MaskablePPO("MultiInputPolicy", env, n_steps=4, batch_size=8, device="cpu").save(good / "model.zip")
     for words in (
-        ("train", TRAINED, "--config", str(good / "run.yaml"), "--threads", "1", "--out", str(good / "run")),
-        ("train", ITERATED, "--config", str(good / "rounds.yaml"), "--out", str(good / "rounds")),
+        (*training(TRAINED, SCENARIO, good / "run.yaml"), "--out", str(good / "run")),
+        (*training(ITERATED, "load-1.25", good / "rounds.yaml"), "--out", str(good / "rounds")),
         ("benchmark", *RESULTS, "--out", str(good)),
     ):
         code, told = _said(words)
         if code:
             raise RuntimeError(f"fieldgym {' '.join(words)}: {code}, {told}")
     (good / "lock").write_text('{"process": 1, "host": "far", "user": "eve", "since": "now"}\n', "utf-8")
-    (good / "made").touch()

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fieldgym.scripts.torture_files import SETTINGS, TRAINED
+from fieldgym.scripts.torture_files import SCENARIO, SETTINGS, TRAINED, training
 from fieldgym.scripts.torture_parts import Tally, generator
 
 BENCHMARK = ("benchmark", "--suite", "full", "--env", TRAINED, "--backend", "analytic", "--perception", "model")
@@ -49,7 +49,7 @@ def kills(numbers: Iterator[int], seed: int, folder: Path) -> Iterator[Tally]:
     settings = folder / "train.yaml"
     # Long enough for a few dozen updates, most of the time of which is no import.
     settings.write_text(SETTINGS.replace("STEPS", "6400").replace("evaluate_every: 1", "evaluate_every: 8"), "utf-8")
-    words = {"benchmark": BENCHMARK, "train": ("train", TRAINED, "--config", str(settings), "--threads", "1")}
+    words = {"benchmark": BENCHMARK, "train": training(TRAINED, SCENARIO, settings)}
     whole: dict[str, Run] = {}
     for number in numbers:
         kind = "train" if number % SHARE_TRAINED == SHARE_TRAINED - 1 else "benchmark"

@@ -59,7 +59,7 @@ def _odd(rng: np.random.Generator, number: int, tally: Tally) -> None:
 
 
 def test_whatever_a_case_does_it_is_told_and_the_next_one_goes_on():
-    found = list(watched(_odd, "odd", 0, iter(range(7)), Limits(seconds=3.0, megabytes=400.0)))
+    found = list(watched(_odd, "odd", 0, iter(range(7)), Limits(clock_s=3.0, megabytes=400.0)))
     told = [" ".join(tally.faults) for tally in found]
     assert told[0] == told[6] == ""
     assert told[1] == "case 1: took more than 3 s" and "exit code 9" in told[2] and "RuntimeError" in told[3]
@@ -273,6 +273,16 @@ def test_a_folder_of_any_name_is_told_in_one_line(tmp_path: Path):
     words[4] = str(folder / "none\n")
     done = subprocess.run(words, capture_output=True, text=True, timeout=120)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stderr[:-1].isprintable()
+
+
+def test_what_a_killed_writer_left_is_removed_by_the_next_one(tmp_path: Path):
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    others = (f".f.{os.getppid()}.part.json", ".g.1.part.json", ".f.x.part.json", f".f.g.{dead.pid}.part.json")
+    for name in (f".f.{dead.pid}.part.json", *others):
+        (tmp_path / name).touch()
+    files.replace_file(tmp_path / "f.json", "new")
+    assert {path.name for path in tmp_path.iterdir()} == {"f.json", *others}
 
 
 def test_a_file_is_opened_once_it_is_known_to_be_one(tmp_path: Path):
