@@ -5,11 +5,12 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
+from ..kernels.config_kinds import file_name
 from ..kernels.files import replace_file
 from .field import Field, FieldError, FieldT
 from .field_csv import csv_content, csv_text
 from .field_geojson import geojson_content, geojson_text
-from .field_rows import built, printable, scaling
+from .field_rows import built, scaling
 
 MAX_BYTES = 64 * 2**20
 _CSV, _GEOJSON = (".csv",), (".geojson", ".json")
@@ -31,7 +32,7 @@ def read_field(
     Raises:
         FieldError: the file cannot be read or holds no such field; one line with file, line and what to do.
     """
-    metres, file = scaling(unit, scale), printable(path)
+    metres, file = scaling(unit, scale), file_name(path)
     text = read_text(path)
     suffix = Path(path).suffix.lower()
     if suffix in _CONTENT:
@@ -45,7 +46,7 @@ def read_text(path: str | PathLike[str]) -> str:
     Raises:
         FieldError: it cannot be read, is too large, empty or no UTF-8.
     """
-    file = printable(path)
+    file = file_name(path)
     try:
         if not Path(path).is_file():
             raise FieldError(f"{file}: there is no such file")
@@ -77,7 +78,7 @@ def write_field(field: Field, path: str | PathLike[str]) -> None:
     Raises:
         FieldError: a value is out of range, or the file cannot be written.
     """
-    target, file = Path(path), printable(path)
+    target, file = Path(path), file_name(path)
     if target.suffix.lower() not in _TEXT:
         raise FieldError(f"{file}: fields are written as .csv or .geojson: give one of these endings")
     field.check()

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.config_kinds import one_line, show
+from ..kernels.config_kinds import show
 from .assembly import meant
 from .field import Column, Field, FieldError, FieldT, Origin, Table
 
@@ -244,8 +244,3 @@ def _single(field_type: type[Field], table: Table, rows: Sequence[Row], file: st
                 f"{file}:{row.line}: {row.kind}: {said} is there twice, first in line {first[place]}: remove one"
             )
         first[place] = row.line
-
-
-def printable(path: Any) -> str:
-    """The name of a file as messages have it."""
-    return one_line(str(path))

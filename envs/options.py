@@ -78,7 +78,7 @@ def checked_seed(seed: Any) -> int | None:
         return None
     try:
         number = -1 if isinstance(seed, bool | np.bool_) else index(seed)
-    except TypeError:
+    except Exception:  # whatever an object's own __index__ brings
         number = -1
     if number < 0:
         raise ValueError(f"seed = {show(seed)}: give a whole number from 0, or None")

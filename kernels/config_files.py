@@ -12,7 +12,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
-from .config_kinds import ConfigError, label, one_line, show
+from .config_kinds import ConfigError, file_name, label, show
 from .files import read_file
 
 MAX_BYTES = 1_000_000
@@ -58,7 +58,7 @@ def load_yaml(path: str | PathLike[str]) -> Located:
     Raises:
         ConfigError: the file cannot be read, is no YAML, or is more than this reader takes; with file and line.
     """
-    file = one_line(fspath(path))
+    file = file_name(fspath(path))
     try:
         data = read_file(Path(path), MAX_BYTES)
     except (OSError, ValueError) as error:

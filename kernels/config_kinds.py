@@ -18,6 +18,8 @@ import numpy as np
 
 _SHOWN = 120
 """Longest value that an error repeats, in characters."""
+_NAME_SHOWN = 500
+"""Likewise of a file's name."""
 _shorten = reprlib.Repr()
 _shorten.maxstring = _shorten.maxother = 60
 _shorten.maxlevel = 3
@@ -79,6 +81,12 @@ def show(value: object) -> str:
 def label(name: str) -> str:
     """A name as an error repeats it: as it is if it could be a field's."""
     return name if len(name) <= _SHOWN and all(map(str.isidentifier, name.split("."))) else show(name)
+
+
+def file_name(path: object) -> str:
+    """The name of a file as messages have it: one line, and of an endless name its ends."""
+    name = one_line(str(path))
+    return name if len(name) <= _NAME_SHOWN else f"{name[: _NAME_SHOWN // 2]}...{name[-_NAME_SHOWN // 2 :]}"
 
 
 class Kind:

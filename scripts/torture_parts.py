@@ -215,14 +215,17 @@ def _serve(case: Case, section: str, seed: int, pipe: Any) -> None:
     while True:
         try:
             number = pipe.recv()
-        except EOFError:
+        except EOFError:  # who asks is gone
             return
         tally = Tally()
         try:
             case(generator(seed, section, number), number, tally)
         except Exception as error:
             tally.fault(f"unforeseen {type(error).__name__}: {str(error)[:300]!r}{_where(error)}")
-        pipe.send(tally)
+        try:
+            pipe.send(tally)
+        except BrokenPipeError:
+            return
 
 
 class Progress:

@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...kernels.config_kinds import show
+from ...kernels.config_kinds import file_name, show
 from ..assembly import choice, meant
 from ..field import ABSENT, FieldError
 from ..field_files import read_text
 from ..field_geojson import checked_features, object_lines, parsed, point
-from ..field_rows import printable, scaling
+from ..field_rows import scaling
 from .config import SPECIES, STAGES
 from .field import Crops, WeedField, Weeds
 from .species import CROP, CROP_AND_WEED, LEFT_OUT, checked_mapping, classified
@@ -99,7 +99,7 @@ def read_plants(
     Raises:
         FieldError: the file is none of these, or a species is unknown; one line with file, line and what to do.
     """
-    mapping, file = checked_mapping(species or {}), printable(path)
+    mapping, file = checked_mapping(species or {}), file_name(path)
     try:
         choice("form", form, FORMATS)
         choice("heading", heading, HEADINGS)
