@@ -19,7 +19,7 @@ from fieldgym.scripts.torture_actions import own_ids
 from fieldgym.scripts.torture_parts import Tally, check_observation
 from fieldgym.scripts.torture_values import ANYTHING, any_of, called
 
-STEPS = 6
+STEPS = 4
 WITH = " was raised from the environment creator"
 KEYWORDS = ("scenario", "backend", "engine", "perception", "config", "overrides", "observation", "pixel_rows", "depth")
 KEYWORDS += ("camera", "width", "height", "slots", "motion", "source_tray", "target_tray", "wheels", "preset")
@@ -142,7 +142,7 @@ def _values(rng: np.random.Generator, env_id: str, folder: Path) -> dict[str, An
     if rng.random() < 0.5:
         asked["scenario"] = str(rng.choice(spec.scenarios))
     asked["perception"] = str(rng.choice(["perfect", "model"]))
-    if rng.random() < 0.03:
+    if rng.random() < 0.005:
         asked["perception"] = "camera"
     return asked
 

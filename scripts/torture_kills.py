@@ -8,10 +8,10 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,9 +21,18 @@ from fieldgym.scripts.torture_files import SCENARIO, SETTINGS, TRAINED, training
 from fieldgym.scripts.torture_parts import Tally, generator
 
 BENCHMARK = ("benchmark", "--suite", "full", "--env", TRAINED, "--backend", "analytic", "--perception", "model")
-BENCHMARK += ("--episodes", "6", "--jobs", "2")
+BENCHMARK += ("--policies", "fixed-order,nearest,random", "--episodes", "8")
 SHARE_TRAINED = 3
 """One kill in so many is of a training run."""
+SHARE_WORKING = 4
+"""One benchmark in so many has workers, which begin with their imports; the others run in one process."""
+PRELOADED = (
+    "fieldgym.scripts.cli",
+    "fieldgym.benchmark.runner",
+    "fieldgym.bounds",
+    "fieldgym.agents.learning.training",
+)
+"""What the commands import is there when they begin: their time is work, and so are the moments of the kills."""
 TIMEOUT_S = 600.0
 WORKERS_S = 30.0
 """Within which a killed run's workers are gone."""
@@ -48,46 +57,66 @@ def kills(numbers: Iterator[int], seed: int, folder: Path) -> Iterator[Tally]:
     """Kill and resume a run a number; the first result comes after the whole runs that they are compared with."""
     settings = folder / "train.yaml"
     # Long enough for a few dozen updates, most of the time of which is no import.
-    settings.write_text(SETTINGS.replace("STEPS", "6400").replace("evaluate_every: 1", "evaluate_every: 8"), "utf-8")
+    settings.write_text(SETTINGS.replace("STEPS", "3200").replace("evaluate_every: 1", "evaluate_every: 8"), "utf-8")
+    server = get_context("forkserver")
+    server.set_forkserver_preload(list(PRELOADED))
     words = {"benchmark": BENCHMARK, "train": training(TRAINED, SCENARIO, settings)}
-    whole: dict[str, Run] = {}
+    whole: dict[tuple[str, ...], Run] = {}
     for number in numbers:
         kind = "train" if number % SHARE_TRAINED == SHARE_TRAINED - 1 else "benchmark"
-        if kind not in whole:
-            whole[kind] = _uninterrupted(words[kind], kind, folder / f"whole-{kind}")
+        more = ("--jobs", "2" if number % SHARE_WORKING == 0 else "1") if kind == "benchmark" else ()
+        asked = (*words[kind], *more)
+        if asked not in whole:
+            whole[asked] = _uninterrupted(asked, kind, folder / f"whole-{kind}-{number}")
         tally = Tally()
         tally.counts["kills"] += 1
         rng = generator(seed, "kills", number)
-        _killed(rng, words[kind], kind, whole[kind], folder / f"{kind}-{number}", tally)
+        _killed(rng, asked, kind, whole[asked], folder / f"{kind}-{number}", tally)
+        ends = [run.end for known, run in whole.items() if known[0] == kind]
+        tally.hold(all(end == ends[0] for end in ends), f"{kind}: uninterrupted runs differ")
         tally.faults = [f"case {number}: {told}" for told in tally.faults]
         yield tally
 
 
-def _start(words: tuple[str, ...], out: Path, *more: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "fieldgym.scripts.cli", *words, "--out", str(out), *more]
-    log = out.with_suffix(".log").open("a", encoding="utf-8")
-    with log:
-        return subprocess.Popen(command, stdout=log, stderr=subprocess.PIPE, text=True, start_new_session=True)
+def _start(words: tuple[str, ...], out: Path, *more: str) -> Any:
+    """A command in a process and a group of its own, as if typed."""
+    process: Any = get_context("forkserver").Process(target=_command, args=((*words, "--out", str(out), *more), out))
+    process.start()
+    return process
 
 
-def _finish(process: subprocess.Popen[str]) -> tuple[int, str]:
+def _command(words: tuple[str, ...], out: Path) -> None:
+    """In the process: run the command, what it says into files."""
+    os.setsid()
+    for number, ending in ((1, ".log"), (2, ".err")):
+        with out.with_suffix(ending).open("w", encoding="utf-8") as file:
+            os.dup2(file.fileno(), number)
+    sys.argv = ["fieldgym", *words]
+    from fieldgym.scripts import cli
+
+    cli.main()
+
+
+def _finish(process: Any, out: Path) -> tuple[int, str]:
     """Exit code and errors."""
-    try:
-        _, errors = process.communicate(timeout=TIMEOUT_S)
-    except subprocess.TimeoutExpired:
+    process.join(TIMEOUT_S)
+    if process.exitcode is None:
         os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
+        process.join()
         return -1, f"did not end within {TIMEOUT_S:.0f} s"
-    return process.returncode, errors
+    return process.exitcode, out.with_suffix(".err").read_text("utf-8", "replace")
 
 
 def _uninterrupted(words: tuple[str, ...], kind: str, out: Path) -> Run:
+    """Run a command twice, the first time for what it compiles, and see when it begins to write."""
+    warm = out.with_name(f"{out.name}-warm")
+    _finish(_start(words, warm), warm)
     began = time.monotonic()
     process, first_s = _start(words, out), 0.0
-    while process.poll() is None and not first_s:
+    while process.exitcode is None and not first_s:
         first_s = time.monotonic() - began if out.exists() else 0.0
         time.sleep(0.01)
-    code, errors = _finish(process)
+    code, errors = _finish(process, out)
     if code:
         raise RuntimeError(f"fieldgym {' '.join(words)}: exit code {code}, {errors}")
     return Run(_end(kind, out), first_s, time.monotonic() - began)
@@ -95,28 +124,24 @@ def _uninterrupted(words: tuple[str, ...], kind: str, out: Path) -> Run:
 
 def _killed(rng: np.random.Generator, words: tuple[str, ...], kind: str, whole: Run, out: Path, tally: Tally) -> None:
     """Kill a run once and let it go on to its end."""
-    # Some while it loads, most while it works.
+    # Some while it begins, most while it works.
     begin_s = 0.0 if rng.random() < 0.1 else 0.9 * whole.first_s
     moment_s = float(rng.uniform(begin_s, whole.whole_s))
     process = _start(words, out)
-    group = process.pid
-    try:
-        process.wait(moment_s)
-    except subprocess.TimeoutExpired:
-        pass
+    process.join(moment_s)
     what = f"{kind}, killed after {moment_s:.2f} s of {whole.whole_s:.2f}"
-    tally.counts[f"{kind} kills"] += process.poll() is None
-    tally.counts[f"{kind} ended before"] += process.poll() is not None
+    tally.counts[f"{kind} kills"] += process.exitcode is None
+    tally.counts[f"{kind} ended before"] += process.exitcode is not None
     process.kill()
-    process.communicate()
-    if not _gone(group):
+    process.join()
+    if not _gone(process.pid):
         tally.fault(f"{what}: its workers live on")
-        os.killpg(group, signal.SIGKILL)
+        os.killpg(process.pid, signal.SIGKILL)
     kept = _kept(kind, out)
     tally.counts[f"{kind}s that had begun"] += kept > 0
     # A run that was killed before its first checkpoint has nothing to go on with, and says so.
     more = ("--resume",) if kind == "benchmark" or kept else ()
-    code, errors = _finish(_start(words, out, *more))
+    code, errors = _finish(_start(words, out, *more), out)
     if code:
         tally.fault(f"{what}: then exit code {code}, {errors[-300:]!r}")
         return

@@ -158,6 +158,8 @@ def watched(case: Case, section: str, seed: int, numbers: Iterator[int], limits:
     """What comes of case after case, in a process that is begun anew when one of them takes it down."""
     context = get_context("spawn")
     process: Any = None
+    pipe: Any = None
+    base_mb = 0.0
     try:
         for number in numbers:
             if process is None:

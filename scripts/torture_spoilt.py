@@ -103,7 +103,10 @@ def _bomb(rng: np.random.Generator, data: bytes) -> bytes:
     except zipfile.BadZipFile:
         return data[: int(rng.integers(len(data) + 1))] + b"9" * 20_000_000
     made = io.BytesIO()
-    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive, archive.open(names[0], "w", True) as member:
+    with (
+        zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open(names[0], "w", force_zip64=True) as member,
+    ):
         for _ in range(3 * 2**10):
             member.write(bytes(2**20))
     return made.getvalue()
