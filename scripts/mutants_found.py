@@ -45,21 +45,30 @@ ROOMS: dict[str, tuple[str, ...]] = {
 }
 """Modules that are mutated, by room."""
 
+DEMAND = "weeding_demand.py::test_kills_beyond_the_demand_are_worth_nothing"
 TAKEN_DOWN = "drawn_fields.py::test_fields_are_those_that_were_taken_down[fieldgym/{}-v0]"
 CLOSEST: dict[str, tuple[str, ...]] = {
-    "envs/safflower": ("safflower_laws", "safflower_oracle", TAKEN_DOWN.format("SafflowerPicking"), "safflower_task"),
+    "envs/safflower/drawing": (TAKEN_DOWN.format("SafflowerPicking"), "safflower_laws", "safflower_task"),
+    "envs/safflower": ("safflower_laws", "safflower_oracle", "safflower_task", "laws_cores", "safflower_standing"),
     "envs/sorting/drawing": (TAKEN_DOWN.format("ProduceSorting"), "sorting_field"),
-    "envs/sorting": ("sorting_numbers", TAKEN_DOWN.format("ProduceSorting"), "sorting_task"),
+    "envs/sorting/motions": ("laws_sorter_motions", "sorting_task"),
+    "envs/sorting": (
+        *("sorting_numbers", "sorting_task", TAKEN_DOWN.format("ProduceSorting"), "laws_cores", "laws_sorter_motions"),
+    ),
+    "envs/transplanting/core": (
+        *("transplanting_rules", "transplanting_recomputed", "laws_cores"),
+        "drives.py::test_a_batch_of_machines_that_err_is_its_single_ones[fieldgym/TrayTransplanting-v0]",
+    ),
     "envs/transplanting": (
-        *("transplanting_timing", "transplanting_rules", "transplanting_recomputed"),
+        *("transplanting_timing", "transplanting_rules", "transplanting_recomputed", "laws_transplanter_policies"),
         TAKEN_DOWN.format("TrayTransplanting"),
     ),
+    "envs/weeding/drawing": (TAKEN_DOWN.format("LaserWeeding"), TAKEN_DOWN.format("HoeWeeding"), "weeding_task"),
     "envs/weeding/gaps": ("laws_neighbours", TAKEN_DOWN.format("LaserWeeding"), "weeding_numbers"),
-    "envs/weeding/tools/hoe": ("hoe", "weeding_numbers"),
-    "envs/weeding": (
-        *("weeding_numbers", TAKEN_DOWN.format("LaserWeeding"), TAKEN_DOWN.format("HoeWeeding"), "weeding_task"),
-        *("weeding_demand", "weeding_leaves", "weeding_standing"),
-    ),
+    "envs/weeding/sighting": (TAKEN_DOWN.format("LaserWeeding"), TAKEN_DOWN.format("HoeWeeding"), "weeding_task"),
+    "envs/weeding/tools/hoe": ("hoe", "weeding_numbers", "laws_constants"),
+    "envs/weeding/tools/laser": ("weeding_numbers", "weeding_task", "laws_constants"),
+    "envs/weeding": ("weeding_numbers", "weeding_task", "laws_cores", DEMAND),
     "agents/policies/safflower": ("laws_picker_policies",),
     "agents/policies/sorting": ("laws_sorter_policies",),
     "agents/policies/transplanting": ("laws_transplanter_policies", "transplanting_policies"),

@@ -91,6 +91,7 @@ def figures() -> dict[str, list[Any]]:
 def said(instance: Any) -> list[Any]:
     """A bound, and the cycle times at smaller rates."""
     bound = instance.bound()
+    assert 0.0 <= bound.wall_s < 600.0
     cycles = [instance.cycle_time_at(share * bound.net_rate) for share in (0.2, 0.6)]
     values = [bound.net_rate, bound.episode_return, bound.cycle_time_s, bound.gap, *cycles]
     return [round(value, 9) if isfinite(value) else str(value) for value in values] + [bound.proven, bound.method]

@@ -1,13 +1,16 @@
 """Policies that know no task, and what all of them share, against their formulas."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from fieldgym.agents.policies.base import RandomPolicy
+from fieldgym.agents.foreign import ForeignError
+from fieldgym.agents.policies.base import GuestPolicy, RandomPolicy, act_single
 from fieldgym.agents.policies.layout import Layout
 from fieldgym.agents.policies.network import NetworkPolicy, shapes
+from fieldgym.agents.policies.weights import PolicyFileError
 
 
 def test_chance_takes_every_legal_action_as_often_as_any_other():
@@ -92,3 +95,53 @@ def test_a_set_policy_is_its_formula(relations):
         ]
         assert logits[b] == pytest.approx(np.array(joined), rel=2e-5, abs=2e-5)
         assert actions[b] == max(np.flatnonzero(mask[b]), key=lambda a: joined[a])
+
+
+def right_sized(layout: Layout) -> NetworkPolicy:
+    weights = {key: np.zeros(shape, np.float32) for key, shape in shapes(layout, 3).items()}
+    return NetworkPolicy(layout, 3, weights, {})
+
+
+def test_a_set_policy_s_card_says_how_large_it_is():
+    layout = Layout(2, 4, 3, 2, 1, 2)
+    for hidden, relations, right in ((1, 0, True), (512, 512, True), (0, 0, False), (513, 0, False), (8, 513, False)):
+        sizes = shapes(layout, max(hidden, 1), relations)
+        weights = {key: np.zeros(shape, np.float32) for key, shape in sizes.items()}
+        card = {"layout": vars(layout), "hidden": hidden, "relations": relations}
+        if right:
+            made = NetworkPolicy.of(card, weights, "mine")
+            assert (made.hidden, made.relations, made.layout, made.name) == (hidden, relations, layout, "mine")
+            assert made.head["hidden"] == hidden and made.head["layout"] == vars(layout)
+        else:
+            with pytest.raises(PolicyFileError, match="out of range"):
+                NetworkPolicy.of(card, weights, "mine")
+    many = {"layout": {**vars(layout), "candidates": 4097}, "hidden": 8}
+    with pytest.raises(PolicyFileError, match="out of range"):
+        NetworkPolicy.of(many, {}, "mine")
+    with pytest.raises(ValueError, match="do not fit"):
+        right_sized(layout).logits({"machine": np.zeros((1, 2)), "candidates": np.zeros((1, 13))})
+
+
+def test_a_guest_is_asked_and_told_as_it_is():
+    class Guest:
+        def __init__(self, answer: Any):
+            self.answer, self.told = answer, []
+
+        def act(self, observation: Any) -> Any:
+            return self.answer
+
+        def reset(self, rows: Any) -> None:
+            self.told.append(rows.tolist())
+
+    seen, both = {"action_mask": np.ones((2, 3))}, np.array([True, False])
+    guest = Guest([1, 2])
+    policy = GuestPolicy(guest, "g")
+    policy.reset(both)
+    assert guest.told == [[True, False]] and policy.act(seen).tolist() == [1, 2] and policy.act(seen).dtype == np.int64
+    for answer in ([1], [1.0, 2.0], [[1, 2]]):
+        with pytest.raises(ForeignError, match=r"shape \(2,\)"):
+            GuestPolicy(Guest(answer), "g").act(seen)
+    silent = GuestPolicy(SimpleNamespace(act=lambda observation: np.array([0, 1], np.uint8)), "s")
+    silent.reset(both)
+    assert silent.act(seen).tolist() == [0, 1]
+    assert act_single(GuestPolicy(Guest([2]), "g"), {"action_mask": np.ones(3)}) == 2

@@ -161,6 +161,8 @@ def belt_features(table: Any, gain: Any, config: Any, arrivals: Any, time_s: flo
 
 def test_the_value_of_a_belt_is_its_features_times_the_weights():
     config, rng, (observation, _) = SortingConfig(), np.random.default_rng(2), produce(6)
+    # Some have more time left than the last knot.
+    observation["candidates"].reshape(WORLDS, K, -1)[..., Item._fields.index("slack")] *= 2.5
     weights = {name: rng.normal(size=shape).astype(np.float32) for name, shape in SHAPES.items()}
     weights["arrivals"] = np.array([0.7, 6.0, 0.5, 0.5 * config.scenario.time_limit_s], np.float32)
     search = sorting_value.ValueSearch(config, sorting_value.ValueWeights(2, 8, weights, {"a": 1}, "mine"))

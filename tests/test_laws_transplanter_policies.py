@@ -1,17 +1,22 @@
 """Every rule of the transplanter chooses what is best by its documented key, reckoned anew on rows of any kind."""
 
-from itertools import pairwise, permutations
+from itertools import combinations, pairwise, permutations
 from math import exp, isclose
 from typing import Any
 
 import numpy as np
+import pytest
 from observed import WORLDS, least, machine_of
 
 from fieldgym.agents.policies import transplanting
 from fieldgym.envs.transplanting.columns import Candidate as Pair
+from fieldgym.envs.transplanting.columns import Lucks
 from fieldgym.envs.transplanting.columns import Machine as Transplanter
+from fieldgym.envs.transplanting.config import PerceptionModel as TrayEyes
 from fieldgym.envs.transplanting.config import TransplantingConfig
-from fieldgym.envs.transplanting.timing import times
+from fieldgym.envs.transplanting.core import TransplantingCore
+from fieldgym.envs.transplanting.timing import gate_motion, times
+from fieldgym.motion import Gate
 
 
 def trays(seed: int):
@@ -127,3 +132,48 @@ def check_sequences(config: Any, table: Any, cell: Any, able: Any, first: Any, c
     }
     assert chosen["Assignment"] in begun
     assert divmod(chosen["TwoOpt"], m) in able
+
+
+def test_mended_sequences_cannot_be_mended_by_one_more_change():
+    """Neither turning a piece round, nor exchanging two gaps, nor another seedling or gap makes them quicker."""
+    rng = np.random.default_rng(3)
+    for sources, gaps in ((5, 3), (3, 5), (4, 4)):
+        for _ in range(4):
+            first, following = rng.random((sources, gaps)), rng.random((gaps, sources, gaps))
+            count = min(sources, gaps)
+            found = transplanting.mended(first, following, [(i, i) for i in range(count)])
+            took = transplanting.sequence_s(first, following, found)
+            by_hand = first[found[0]] + sum(following[a[1]][b] for a, b in pairwise(found))
+            assert took == pytest.approx(by_hand)
+            others = [found[:i] + found[i : j + 1][::-1] + found[j + 1 :] for j in range(count) for i in range(j)]
+            for i, j in combinations(range(count), 2):
+                swapped = list(found)
+                swapped[i], swapped[j] = (found[i][0], found[j][1]), (found[j][0], found[i][1])
+                others.append(swapped)
+            for i, pair in enumerate(found):
+                spare = set(range(sources)) - {a for a, _ in found}, set(range(gaps)) - {b for _, b in found}
+                changed = [(a, pair[1]) for a in spare[0]] + [(pair[0], b) for b in spare[1]]
+                others += [[*found[:i], other, *found[i + 1 :]] for other in changed]
+            assert all(transplanting.sequence_s(first, following, other) >= took - 1e-9 for other in others)
+
+
+def test_a_way_has_no_round_corner_where_it_must_be_straight():
+    """A tool that has to rise straight for all of its way stops at the corner."""
+    up, over = np.zeros(2), np.array([0.4, 0.15])
+    for style in ("blended", "time-optimal"):
+        straight = Gate(style, 4.5, 60.0, straight_m=0.15)
+        stopping, rounded_ = gate_motion(straight, up, over, 0.15), gate_motion(Gate(style, 4.5, 60.0), up, over, 0.15)
+        assert stopping.duration_s == pytest.approx(straight.motion(up, over, 0.15).duration_s)
+        assert rounded_.duration_s < stopping.duration_s - 0.01
+
+
+def test_luck_as_large_as_a_chance_is_no_luck():
+    """A plug leaves its cell where its luck is below the share that does."""
+    core = TransplantingCore(TransplantingConfig(), TrayEyes.perfect(), 1)
+    core.reset_rows(np.array([0]), [np.random.default_rng(3)])
+    share, state = core.config.process.extraction, core.state
+    action = int(np.flatnonzero(core.observe()["action_mask"][0])[0])
+    source = action // 3 // core.target_shape[1]
+    for luck, grips in ((np.nextafter(share, 0.0), True), (share, False), (np.nextafter(share, 1.0), False)):
+        state.luck[0, 0, source, Lucks._fields.index("extract")] = luck
+        assert bool(core.plan(np.array([action])).grips[0]) == grips
