@@ -39,11 +39,13 @@ def test_limits_hold_and_one_of_them_is_always_met(path, v, a):
     assert np.mean(use > 0.98) > 0.97
 
 
-@pytest.mark.parametrize("path", [rounded(GATE, 0.05), rounded(GATE, 0.15), WAVE])
-def test_the_time_converges_from_above(path):
+@pytest.mark.parametrize(
+    ("path", "within"), [(rounded(GATE, 0.05), 1.001), (rounded(GATE, 0.15), 1.001), (WAVE, 1.003)]
+)
+def test_the_time_converges_from_above(path, within):
     times = [minimum_time(path, V, A, nodes=n).duration_s for n in (50, 200, 800, 3200)]
     assert times == sorted(times, reverse=True)
-    assert times[1] < 1.003 * times[3] and times[2] < 1.001 * times[3]
+    assert times[1] < within * times[3] and times[2] < 1.001 * times[3]
 
 
 def test_fields_are_derivatives_of_each_other():
