@@ -134,8 +134,12 @@ def _trained(words: list[str], looked: bool) -> tuple[float, float]:
     process = subprocess.Popen([sys.executable, "-u", "-c", _TRAINS, *words], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     if looked:
-        with looked_at(process.stdout.readline().split()[-1]):
+        # The server's own greeting comes first.
+        address = next((word for line in process.stdout for word in line.split()[-1:] if "Watch" in line), "")
+        with looked_at(address) as opened:
             told = process.stdout.read()
+        if not opened:
+            raise RuntimeError(f"the browser did not open {address!r}")
     else:
         told = process.stdout.read()
     if process.wait():
