@@ -22,9 +22,9 @@ EXACT = 1e-9
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _registries_of_a_module() -> Iterator[None]:
-    """What the fixtures of a file register, no other file sees."""
-    with leftovers.registries_restored():
+def _restored_after_a_module() -> Iterator[None]:
+    """What the fixtures of a file register, and the folders of their modules, no other file sees."""
+    with leftovers.restored():
         yield
 
 
@@ -32,7 +32,7 @@ def _registries_of_a_module() -> Iterator[None]:
 def _nothing_is_left_behind() -> Iterator[None]:
     """Tests run in any order: what one changes beyond itself, another one would find."""
     before = leftovers.state()
-    with leftovers.registries_restored():
+    with leftovers.restored():
         yield
     left = leftovers.changed(before, leftovers.state())
     assert not left, f"the test leaves changed: {', '.join(left)}"

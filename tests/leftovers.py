@@ -20,8 +20,6 @@ def state() -> dict[str, Any]:
     """By name, what tests may change only for themselves."""
     return {
         "the working folder": os.getcwd(),
-        # Libraries add folders of their own when they are imported.
-        "the module path": tuple(path for path in sys.path if "site-packages" not in path),
         "what Ctrl-C does": signal.getsignal(signal.SIGINT),
         "NumPy's handling of errors": np.geterr(),
         **{f"${name}": value for name, value in os.environ.items() if name not in OF_TOOLS},
@@ -34,14 +32,17 @@ def changed(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
 
 
 @contextmanager
-def registries_restored() -> Iterator[None]:
-    """Tasks, policies and Gymnasium's ids that are registered within are forgotten: there is no call that does it."""
+def restored() -> Iterator[None]:
+    """What the package adds to by design is as it was: tasks, policies and Gymnasium's ids, and the module path."""
     kept: list[tuple[dict[str, Any], dict[str, Any]]] = [
         (_TASKS, dict(_TASKS)),
         (_POLICIES, {env_id: dict(own) for env_id, own in _POLICIES.items()}),
         (gym.registry, dict(gym.registry)),
     ]
+    path = list(sys.path)
     yield
+    # Libraries add folders of their own when they are imported, and need them from then on.
+    sys.path[:] = path + [folder for folder in sys.path if folder not in path and "site-packages" in folder]
     for registry, before in kept:
         if registry != before:
             registry.clear()

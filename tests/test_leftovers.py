@@ -1,6 +1,8 @@
 """What a test leaves behind is noticed, and what it registers is forgotten."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import gymnasium as gym
 import leftovers
@@ -16,15 +18,13 @@ def test_nothing_is_told_where_nothing_changed() -> None:
     assert leftovers.changed(leftovers.state(), leftovers.state()) == []
 
 
-@pytest.mark.parametrize("name", ["the working folder", "the module path", "NumPy's handling of errors", "$FIELDGYM_X"])
+@pytest.mark.parametrize("name", ["the working folder", "NumPy's handling of errors", "$FIELDGYM_X"])
 def test_what_is_left_is_named(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
     monkeypatch.setenv("FIELDGYM_X", "0")
     before = leftovers.state()
     with np.errstate(all=None):
         if name == "the working folder":
             monkeypatch.chdir(tmp_path)
-        elif name == "the module path":
-            monkeypatch.syspath_prepend(str(tmp_path))
         elif name.startswith("$"):
             monkeypatch.setenv(name[1:], "1")
         else:
@@ -32,11 +32,12 @@ def test_what_is_left_is_named(name: str, monkeypatch: pytest.MonkeyPatch, tmp_p
         assert leftovers.changed(before, leftovers.state()) == [name]
 
 
-def test_what_is_registered_within_is_forgotten() -> None:
-    ids, before = env_ids(), dict(gym.registry)
-    with leftovers.registries_restored():
+def test_what_the_package_adds_to_is_as_it_was(tmp_path: Path) -> None:
+    ids, before, folders = env_ids(), dict(gym.registry), list(sys.path)
+    with leftovers.restored():
         register_task(replace(task(ID), id="own/Field-v0"))
         register_policy(ID, "mine", "nothing:here")
+        sys.path.append(str(tmp_path))
         assert "own/Field-v0" in env_ids() and "own/Field-v0" in gym.registry
-    assert env_ids() == ids and gym.registry == before
+    assert env_ids() == ids and gym.registry == before and sys.path == folders
     register_policy(ID, "mine", "something:else")
