@@ -13,12 +13,16 @@ from numpy.typing import NDArray
 
 from ...kernels import compiled
 from ...kernels.discs import covered_share
+from ...kernels.nearness import want
 from ..core import Array, StepResult
 from .process import dose
 from .ridges import lift_time
 from .shaken import carried_on, corrected, deeper, worked
 from .state import MODES, NOTHING, PAD, WAIT, N, R, T, Tables, V, WeederPlan, Worlds
 from .timing import WORK, A, Approach, G, P, Place, approach, move_time, ready, way_of
+
+AHEAD = 32
+"""Worlds whose numbers are wanted together: so many find room near the processor."""
 
 
 @compiled
@@ -109,6 +113,9 @@ def apply_worlds(
     n, empty = len(plan.kind), worlds.track_real.shape[1] - 1
     rewards, terminated, truncated = np.zeros((n, len(R))), np.empty(n, np.bool_), np.empty(n, np.bool_)
     for w in range(n):
+        if w % AHEAD == 0:
+            for other in range(w, min(w + AHEAD, n)):
+                want_world(tables, worlds, other, plan.kind[other], plan.track[other])
         kind, totals = plan.kind[w], worlds.totals[w]
         elapsed = 0.0
         for phase in range(phases_s.shape[1]):
@@ -142,6 +149,22 @@ def apply_worlds(
         terminated[w] = worlds.cart[w] >= tables.end_m or nothing_left
         truncated[w] = totals[T.time] >= tables.time_limit_s and not terminated[w]
     return StepResult(rewards, phases_s, terminated, truncated)
+
+
+@compiled
+def want_world(tables: Tables, worlds: Worlds, w: int, kind: int, track: int) -> None:
+    """Want the numbers of a world that its decision looks up here and there: a shot's plants, the next track."""
+    want(worlds.track_report[w, worlds.cursor[w], G.along])
+    want(worlds.track_known_m[w, worlds.cursor[w]])
+    if kind < WAIT:
+        weed = PAD + worlds.track_near[w, track, N.weed]
+        crop = tables.weeds_end + worlds.track_near[w, track, N.crop]
+        want(worlds.leaf_lost[w, crop - tables.weeds_end])
+        for plant in (weed, crop):
+            want(worlds.plant[w, plant, G.along])
+            want(worlds.plant_dose[w, plant])
+            want(worlds.plant_tolerance[w, plant])
+            want(worlds.plant_kind[w, plant])
 
 
 @compiled

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernels import compiled, fill
+from ...kernels import compiled
+from ...kernels.nearness import want
 from ..core import Array
 from ..kernel_core import book
 from .features import ALONG_SCALE_M, LEAVES_SCALE_S, LIMIT, SPEED_SCALE, TIME_SCALE_S, C, M
-from .rules import apply_worlds, approach_slot, plan_worlds
+from .rules import AHEAD, apply_worlds, plan_worlds
 from .state import MODES, OWN, S, T, Tables, Worlds
-from .timing import A, G
+from .timing import A, G, Place, approach
 
 NORMAL = 1
 """The mode whose motion and wait candidates are shown with."""
@@ -38,16 +39,22 @@ def observe_worlds(
     """Write features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, .), of ``rows``."""
     slots, empty = worlds.slot_track.shape[1], worlds.track_real.shape[1] - 1
     base = MODES * slots + 1
-    for w in rows:
-        fill(candidates[w], 0.0)
-        fill(mask[w], 0)
+    along_m, across_m = np.empty(slots), np.empty(slots)
+    for row in range(len(rows)):
+        w = rows[row]
+        if row % AHEAD == 0:
+            for other in rows[row : row + AHEAD]:
+                want_tracks(worlds, other)
+        # Numbers of its own, which nothing that is written could change: they are read once.
         cart, speed = float(worlds.cart[w]), float(worlds.speed[w])
+        carrier, lean = float(worlds.place[w, A.carrier]), float(worlds.place[w, A.lean])
+        place = Place(carrier, lean, float(worlds.place[w, A.across]))
         present = 0
         while present < slots and worlds.slot_track[w, present] != empty:
             present += 1
-        machine[w, M.place] = held((worlds.place[w, A.carrier] - cart) / arm.scale[A.carrier])
-        machine[w, M.lean_along] = held(worlds.place[w, A.lean] / arm.scale[A.lean])
-        machine[w, M.lean_across] = held(worlds.place[w, A.across] / arm.scale[A.across])
+        machine[w, M.place] = held((carrier - cart) / arm.scale[A.carrier])
+        machine[w, M.lean_along] = held(lean / arm.scale[A.lean])
+        machine[w, M.lean_across] = held(place.across_m / arm.scale[A.across])
         machine[w, M.speed] = held(speed / SPEED_SCALE)
         machine[w, M.set_speed] = held(float(worlds.set_speed[w]) / SPEED_SCALE)
         machine[w, M.progress] = held(cart / tables.strip_m)
@@ -56,20 +63,35 @@ def observe_worlds(
             track, column = worlds.slot_track[w, k], k * len(C)
             for feature in range(len(C)):
                 candidates[w, column + feature] = worlds.track_feature[w, track, feature]
-            ahead = worlds.track_report[w, track, G.along] - cart
+            along_m[k], across_m[k] = worlds.track_report[w, track, G.along], worlds.track_report[w, track, G.across]
+            ahead = along_m[k] - cart
             candidates[w, column + C.along] = held(ahead / ALONG_SCALE_M)
             candidates[w, column + C.leaves] = held((ahead + tables.exit_m) / (speed * LEAVES_SCALE_S))
+        for column in range(present * len(C), candidates.shape[1]):
+            candidates[w, column] = 0.0
         # What a mode shares in all slots is worked out once: the loop over the slots is the inner one.
         for mode in range(MODES):
+            stand_s = float(tables.stand_s[mode])
             for k in range(present):
-                way = approach_slot(tables, arm, worlds, w, k, mode)
+                way = approach(arm, stand_s, place, cart, speed, along_m[k], across_m[k])
                 mask[w, MODES * k + mode] = way.legal
                 if mode == NORMAL:
                     candidates[w, k * len(C) + C.move] = held(way.move_s / TIME_SCALE_S)
                     candidates[w, k * len(C) + C.wait] = held(way.wait_s / TIME_SCALE_S)
+        for action in range(MODES * present, base - 1):
+            mask[w, action] = 0
         mask[w, base - 1] = 1
         for action in range(base, mask.shape[1]):
             mask[w, action] = mask[w, action - base]
+
+
+@compiled
+def want_tracks(worlds: Worlds, w: int) -> None:
+    """Want what is shown of a world's tracks; two rows of features and four places lie side by side."""
+    for k in range(0, worlds.slot_track.shape[1], 4):
+        want(worlds.track_report[w, worlds.slot_track[w, k], G.along])
+    for k in range(0, worlds.slot_track.shape[1], 2):
+        want(worlds.track_feature[w, worlds.slot_track[w, k], C.present])
 
 
 @compiled
