@@ -15,6 +15,7 @@ with a cache of their own.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import resource
@@ -79,28 +80,27 @@ def main(
     mutants = [mutant for mutant in chosen(ROOT, sample, seed) if mutant.module.startswith(only)]
     file = out / RESULTS
     known = read(file)
-    done = {key for key, result in known.items() if not (again and result["verdict"] == SURVIVED)}
+    done = {key for key, result in known.items() if not (again and result["verdict"] == SURVIVED and "diff" in result)}
     left = [mutant for mutant in mutants if mutant.key not in done]
     typer.echo(f"{len(mutants)} mutants, {len(mutants) - len(left)} of them known from {file}")
     # Always in the same place: machine code is kept by the folder of its source.
-    tree = copy_tree(out.resolve() / "tree")
-    limits_s: dict[Tests, float] = {}
+    tree, digest = copy_tree(out.resolve() / "tree")
     for number, mutant in enumerate(left, 1):
         tests = Tests(*closest(mutant.module))
-        if tests not in limits_s:
-            limits_s[tests] = _limit_s(tree, tests)
+        unmutated = f"{digest} {' '.join(tests.files)}"
+        if unmutated not in known:
+            known[unmutated] = kept(file, {"key": unmutated, **_whole(tree, tests)._asdict()})
+        limit_s = 2.0 * known[unmutated]["seconds"] + 5.0 + (COMPILE_S if tests.compiled else 0.0)
         path = tree / mutant.module
         whole = path.read_text("utf-8")
         path.write_text(mutant.code, "utf-8")
         try:
-            outcome = run(tree, tests, limits_s[tests])
+            outcome = run(tree, tests, limit_s)
         finally:
             path.write_text(whole, "utf-8")
         row = {"key": mutant.key, "room": mutant.room, "module": mutant.module, "line": mutant.line}
         row |= {"operator": mutant.operator, **outcome._asdict(), "diff": mutant.diff}
-        with file.open("a", encoding="utf-8") as lines:
-            lines.write(json.dumps(row) + "\n")
-        known[mutant.key] = row
+        known[mutant.key] = kept(file, row)
         words = f"{outcome.verdict:11} {outcome.seconds:5.1f} s  {mutant.module}:{mutant.line} {mutant.operator}"
         typer.echo(f"{number:4}/{len(left)} {words}  {outcome.test}")
     report([known[mutant.key] for mutant in mutants], list(ROOMS))
@@ -116,6 +116,13 @@ def read(file: Path) -> dict[str, dict[str, Any]]:
             continue
         found[row["key"]] = row
     return found
+
+
+def kept(file: Path, row: dict[str, Any]) -> dict[str, Any]:
+    """The same result, once it stands in the file."""
+    with file.open("a", encoding="utf-8") as lines:
+        lines.write(json.dumps(row) + "\n")
+    return row
 
 
 def report(rows: list[dict[str, Any]], rooms: list[str]) -> None:
@@ -134,9 +141,9 @@ def report(rows: list[dict[str, Any]], rooms: list[str]) -> None:
     typer.echo(f"{sum(row['seconds'] for row in rows) / 60.0:.1f} minutes of one core")
 
 
-def copy_tree(folder: Path) -> Path:
-    """The files that git knows or would take, in a folder of the package's name."""
-    tree = folder / "fieldgym"
+def copy_tree(folder: Path) -> tuple[Path, str]:
+    """The files that git knows or would take, in a folder of the package's name, and a digest of them."""
+    tree, digest = folder / "fieldgym", hashlib.sha256()
     shutil.rmtree(tree, ignore_errors=True)
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
@@ -144,22 +151,22 @@ def copy_tree(folder: Path) -> Path:
         capture_output=True,
         check=True,
     )
-    for name in listed.stdout.decode().split("\0"):
+    for name in sorted(listed.stdout.decode().split("\0")):
         source = ROOT / name
         if name and source.is_file():
             (tree / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(source, tree / name)
-    return tree
+            digest.update(name.encode() + b"\0" + source.read_bytes())
+    return tree, digest.hexdigest()[:16]
 
 
-def _limit_s(tree: Path, tests: Tests) -> float:
-    """Processor seconds that a mutant gets: more than twice what the tests take on the package as it is."""
-    outcome = run(tree, tests, 600.0)
-    words = " ".join(tests.files)
+def _whole(tree: Path, tests: Tests) -> Outcome:
+    """What the tests take on the package as it is; a mutant gets more than twice that."""
+    outcome, words = run(tree, tests, 600.0), " ".join(tests.files)
     if outcome.verdict != SURVIVED:
         raise typer.BadParameter(f"{words}: fails without any mutation ({outcome.test}): mend that first")
     typer.echo(f"     unmutated {outcome.seconds:5.1f} s  {words}")
-    return 2.0 * outcome.seconds + 5.0 + (COMPILE_S if tests.compiled else 0.0)
+    return outcome
 
 
 def run(tree: Path, tests: Tests, limit_s: float) -> Outcome:

@@ -88,7 +88,7 @@ CLOSEST: dict[str, tuple[str, ...]] = {
 """Tests closest to a module, the likeliest to notice first; the first entry that its path begins with counts."""
 SKIPPED = "policies_see", "policies_choose", "policies_finish", "planning_ahead", "looking_ahead", "every_tier_runs"
 """Parts of the names of tests that play whole episodes with every policy: slow, and seldom the first to notice."""
-COMPILED = ("bounds",)
+COMPILED = ("bounds", "agents/policies/search")
 """Modules whose tests run compiled kernels: searches that would take minutes as Python."""
 
 EXCHANGED = {

@@ -1,5 +1,6 @@
 """The mistakes of ``make mutants``: what they change, what they leave alone, and that a seed fixes the sample."""
 
+import os
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -36,7 +37,8 @@ def reach(arm: Arm | None, *rest: int, by: int = 1) -> int | None:
 def found(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
     yield import_module("mutants_found")
-    sys.modules.pop("mutants_found")
+    for name in ("mutants", "mutants_found"):
+        sys.modules.pop(name, None)
 
 
 def test_mistakes_are_made_where_something_is_done(found, tmp_path):
@@ -85,3 +87,39 @@ def test_a_sample_is_the_beginning_of_a_larger_one(found, monkeypatch):
         whole = (ROOT / mutant.module).read_text("utf-8")
         assert mutant.code != whole and mutant.diff.startswith("-")
         compile(mutant.code, mutant.module, "exec")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants run in forks")
+def test_tests_let_a_tree_pass_or_not_or_never_end(found, tmp_path):
+    mutants, tree = import_module("mutants"), tmp_path / "fieldgym"
+    (tree / "tests").mkdir(parents=True)
+    asked = mutants.Tests(("tests/test_one.py",), False)
+    verdicts = {
+        "assert True": mutants.SURVIVED,
+        "assert False": mutants.KILLED,
+        "import nothing_of_that_name": mutants.KILLED,
+        "while True: pass": mutants.TIME,
+    }
+    for body, verdict in verdicts.items():
+        (tree / "tests" / "test_one.py").write_text(f"def test_one():\n    {body}\n", "utf-8")
+        outcome = mutants.run(tree, asked, 2.5 if verdict == mutants.TIME else 60.0)
+        assert outcome.verdict == verdict, body
+        assert (verdict == mutants.KILLED) == outcome.test.endswith("test_one.py::test_one")
+    (tree / "tests" / "test_one.py").write_text("nothing = 1\n", "utf-8")
+    with pytest.raises(RuntimeError, match="ended with 5"):
+        mutants.run(tree, asked, 5.0)
+
+
+def test_results_are_read_as_far_as_they_were_written(found, tmp_path, capsys):
+    mutants, file = import_module("mutants"), tmp_path / "mutants.jsonl"
+    assert mutants.read(file) == {}
+    row = {"key": "a", "room": "bounds", "module": "m.py", "line": 3, "operator": "O", "seconds": 1.0, "diff": "-x\n+y"}
+    mutants.kept(file, {**row, "verdict": mutants.SURVIVED})
+    mutants.kept(file, {**row, "verdict": mutants.KILLED})
+    mutants.kept(file, {**row, "key": "b", "verdict": mutants.SURVIVED})
+    file.write_text(file.read_text("utf-8") + '{"key": "c", "ver', "utf-8")
+    known = mutants.read(file)
+    assert {key: found_["verdict"] for key, found_ in known.items()} == {"a": mutants.KILLED, "b": mutants.SURVIVED}
+    mutants.report(list(known.values()), ["bounds", "envs"])
+    told = capsys.readouterr().out
+    assert "m.py:3 O\n-x\n+y" in told and "50.0 % of 2 noticed (killed 1, survived 1)" in told and "envs" not in told
