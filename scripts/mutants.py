@@ -209,6 +209,7 @@ def _run_here(tree: Path, tests: Tests, limit_s: float, log: Path) -> None:
         target = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(target, 1)
         os.dup2(target, 2)
+        sys.stdout = sys.stderr = os.fdopen(1, "w", encoding="utf-8")
         limit = int(limit_s) + 1
         resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))

@@ -48,7 +48,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
 DEMAND = "weeding_demand.py::test_kills_beyond_the_demand_are_worth_nothing"
 TAKEN_DOWN = "drawn_fields.py::test_fields_are_those_that_were_taken_down[fieldgym/{}-v0]"
 CLOSEST: dict[str, tuple[str, ...]] = {
-    "envs/safflower/drawing": (TAKEN_DOWN.format("SafflowerPicking"), "safflower_laws", "safflower_task"),
+    "envs/safflower/drawing": (TAKEN_DOWN.format("SafflowerPicking"), "safflower_laws", "laws_neighbours"),
     "envs/safflower": ("safflower_laws", "safflower_oracle", "safflower_task", "laws_cores", "safflower_standing"),
     "envs/sorting/drawing": (TAKEN_DOWN.format("ProduceSorting"), "sorting_field"),
     "envs/sorting/motions": ("laws_sorter_motions", "sorting_task"),

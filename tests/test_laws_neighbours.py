@@ -6,6 +6,7 @@ from math import hypot, inf
 import numpy as np
 import pytest
 
+from fieldgym.envs.safflower.drawing import Reach, half_width_m
 from fieldgym.envs.weeding import gaps
 from fieldgym.kernels.discs import covered_share
 from fieldgym.kernels.orders import count_below, count_upto, rank
@@ -58,6 +59,14 @@ def test_the_gap_to_the_next_weed(seed, n):
     assert gaps.weed_gaps(some, n) == pytest.approx(
         [min((hypot(*(some[j] - some[i])) for j in range(n) if j != i), default=inf) for i in range(n)]
     )
+
+
+def test_the_arm_s_reach_is_read_between_the_levels_of_its_table():
+    levels, widths = np.array([-0.3, -0.2, -0.15, -0.1]), np.array([0.05, 0.2, -1.0, 0.3])
+    table = Reach(levels, widths)
+    for level in (-0.4, -0.3, -0.27, -0.2, -0.19, -0.15, -0.11, -0.1, -0.05):
+        by_hand = float(np.interp(level, levels, widths, left=-7.0, right=9.0))
+        assert half_width_m(table, level, -7.0, 9.0) == pytest.approx(by_hand, abs=1e-15)
 
 
 def test_discs_cover_what_counting_points_says():

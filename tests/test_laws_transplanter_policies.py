@@ -1,6 +1,6 @@
 """Every rule of the transplanter chooses what is best by its documented key, reckoned anew on rows of any kind."""
 
-from itertools import combinations, pairwise, permutations
+from itertools import combinations, pairwise, permutations, product
 from math import exp, isclose
 from typing import Any
 
@@ -160,8 +160,8 @@ def test_mended_sequences_cannot_be_mended_by_one_more_change():
 def test_a_way_has_no_round_corner_where_it_must_be_straight():
     """A tool that has to rise straight for all of its way stops at the corner."""
     up, over = np.zeros(2), np.array([0.4, 0.15])
-    for style in ("blended", "time-optimal"):
-        straight = Gate(style, 4.5, 60.0, straight_m=0.15)
+    for style, straight_m in product(("blended", "time-optimal"), (0.15, 0.16)):
+        straight = Gate(style, 4.5, 60.0, straight_m=straight_m)
         stopping, rounded_ = gate_motion(straight, up, over, 0.15), gate_motion(Gate(style, 4.5, 60.0), up, over, 0.15)
         assert stopping.duration_s == pytest.approx(straight.motion(up, over, 0.15).duration_s)
         assert rounded_.duration_s < stopping.duration_s - 0.01
