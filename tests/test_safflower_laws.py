@@ -52,6 +52,8 @@ def test_the_cut_is_the_written_formula_on_a_grid():
 
 def test_the_collection_is_the_written_formula_on_a_grid():
     for seconds, luck in product((0.0, 0.5, 1.0, 3.0, 10.0), (0.1, 1.0, 5.0)):
+        slow = override(PROCESS, {"suction_decay_s": 2.5, "suction_loss": 0.6})
+        assert dropped_share(slow, seconds) == pytest.approx(0.6 * math.exp(-seconds / 2.5), rel=1e-12)
         lost = 0.35 * math.exp(-seconds / 1.0)
         assert dropped_share(PROCESS, seconds) == pytest.approx(lost, rel=1e-12)
         kept = collected_share(lost, luck)
