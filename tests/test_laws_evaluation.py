@@ -70,3 +70,38 @@ def test_a_policy_s_chance_is_not_the_field_s(env_id):
     assert all(policy != seed for policy, seed in zip(made, seeds, strict=True)) and len(set(made)) == len(seeds)
     assert not set(made) & set(range(200_000))
     assert policy_source(env_id, "random", False) is not None
+
+
+class Earning:
+    """Worlds that end after as many decisions as their seeds say, and go on earning: 1 a decision."""
+
+    score_names = ("net_rate",)
+
+    def __init__(self, worlds: int):
+        self.num_envs, self.steps, self.core, self.ends = worlds, 0, self, np.zeros(worlds)
+        self.unwrapped = self
+
+    def reset(self, seed: Any, options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        self.ends = np.array(seed)
+        return {"action_mask": np.ones((self.num_envs, 1), np.int8)}, {}
+
+    def step(self, actions: Any) -> tuple[Any, ...]:
+        self.steps += 1
+        ended, rate = self.steps == self.ends, np.full(self.num_envs, 0.1 * self.steps)
+        seen = {"action_mask": np.ones((self.num_envs, 1), np.int8)}
+        return seen, np.ones(self.num_envs), ended, np.zeros_like(ended), {"scorecard": {"net_rate": rate}}
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def test_what_worlds_earn_behind_their_end_is_not_counted(monkeypatch):
+    monkeypatch.setattr(gym, "make_vec", lambda env_id, worlds, **settings: Earning(worlds))
+    scores = evaluate(
+        lambda env: make_policy("random", gym.make(PICKER, backend="analytic"), 1),
+        PICKER,
+        [2, 5, 3],
+        perception="model",
+    )
+    assert scores.returns.tolist() == [2.0, 5.0, 3.0] and scores.decisions.tolist() == [2, 5, 3]
+    assert scores.scorecard["net_rate"] == pytest.approx([0.2, 0.5, 0.3])
