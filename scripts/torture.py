@@ -1,6 +1,6 @@
 """Try to break the package, at random but repeatably: actions, configurations, files, kills, resets.
 
-    python scripts/torture.py [--only actions --only files] [--share 0.01] [--seed 0] [--case N]
+    python scripts/torture.py [--only actions --only files] [--share 0.01] [--seed 0] [--first N] [--case N]
 
 - ``actions``: a million actions, legal, illegal, out of range, of wrong type, before a reset, after an end, after
   ``close``; every id, single and batched, with and without PyBullet, every perception and autoreset mode.
@@ -50,9 +50,9 @@ class Session:
         folder: for files.
     """
 
-    def __init__(self, share: float, seed: int, case: int | None, folder: Path):
+    def __init__(self, share: float, seed: int, first: int, case: int | None, folder: Path):
         """Keep it."""
-        self.share, self.seed, self.case, self.folder = share, seed, case, folder
+        self.share, self.seed, self.first, self.case, self.folder = share, seed, first, case, folder
 
     def part(self, whole: int) -> int:
         """How much of a section's count is done."""
@@ -62,7 +62,7 @@ class Session:
         """Numbers of the cases; without a count there is no end."""
         if self.case is not None:
             return iter((self.case,))
-        return itertools.count() if count is None else iter(range(count))
+        return itertools.count(self.first) if count is None else iter(range(self.first, self.first + count))
 
     def watched(self, case: Case, section: str, count: int | None, limits: Limits | None = None) -> Iterator[Tally]:
         """What comes of a section's cases."""
@@ -149,6 +149,7 @@ def main(
     only: Annotated[list[str] | None, typer.Option(help=f"Only these sections: {', '.join(SECTIONS)}.")] = None,
     share: Annotated[float, typer.Option(min=0.0, max=100.0, help="Of every section's full count.")] = 1.0,
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    first: Annotated[int, typer.Option(min=0, help="Case to begin with, to go on after a stop.")] = 0,
     case: Annotated[int | None, typer.Option(min=0, help="Only this case, to repeat a fault.")] = None,
 ) -> None:
     """Try to break the package, at random but repeatably."""
@@ -160,7 +161,7 @@ def main(
     with tempfile.TemporaryDirectory(prefix="fieldgym-torture-") as folder:
         for name in only or SECTIONS:
             began = time.monotonic()
-            found[name] = SECTIONS[name](Session(share, seed, case, Path(folder))), time.monotonic() - began
+            found[name] = SECTIONS[name](Session(share, seed, first, case, Path(folder))), time.monotonic() - began
     console = Console()
     (console if console.is_terminal else Console(width=100)).print(_table(found))
     faults = [f"{name} {told}" for name, (tally, _) in found.items() for told in tally.faults]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from functools import cache
 from math import isfinite, isinf
@@ -13,17 +12,19 @@ import gymnasium as gym
 import numpy as np
 
 from fieldgym.envs import task
+from fieldgym.envs.assembly import KEYWORDS as ASSEMBLED
 from fieldgym.kernels.config import to_mapping
 from fieldgym.kernels.config_tables import Line, rows
 from fieldgym.scripts.torture_actions import own_ids
 from fieldgym.scripts.torture_parts import Tally, check_observation
-from fieldgym.scripts.torture_values import ANYTHING, any_of, called
+from fieldgym.scripts.torture_values import ANYTHING, NUMBERS, any_of, called
 
 STEPS = 4
 WITH = " was raised from the environment creator"
 KEYWORDS = ("scenario", "backend", "engine", "perception", "config", "overrides", "observation", "pixel_rows", "depth")
 KEYWORDS += ("camera", "width", "height", "slots", "motion", "source_tray", "target_tray", "wheels", "preset")
 ODD_TEXT = (b"", b"\n", b"\t", b":", b"- ", b"{", b"[" * 50, b"&a ", b"*a", b"!!int ", b"%", b"\xff", b"nan", b"#")
+USUAL = (1, 3, 40, "model", "machine", "features", True)
 BATCHED = ("autoreset_mode", "threads", "num_envs")
 REFUSED = (ValueError, TypeError, gym.error.Error)
 
@@ -203,7 +204,7 @@ def _file(rng: np.random.Generator, env_id: str, folder: Path) -> dict[str, Any]
     try:
         text = yaml.safe_dump(numbers, sort_keys=False)
     except Exception:  # what YAML cannot say
-        text = str(json.dumps(numbers, default=called))
+        text = called(numbers)
     data = text.encode("utf-8", "replace")
     for _ in range(int(rng.integers(0, 3))):
         at = int(rng.integers(len(data) + 1))
@@ -214,8 +215,10 @@ def _file(rng: np.random.Generator, env_id: str, folder: Path) -> dict[str, Any]
 
 
 def _keywords(rng: np.random.Generator, env_id: str, folder: Path) -> dict[str, Any]:
-    names = rng.choice(KEYWORDS, int(rng.integers(1, 3)), replace=False)
-    return {str(name): any_of(rng, (*ANYTHING, 1, 3, 40, "model", "machine", "features", True)) for name in names}
+    names = [str(name) for name in rng.choice(KEYWORDS, int(rng.integers(1, 3)), replace=False)]
+    known = (*ASSEMBLED, *task(env_id).assembly.settings)
+    # What a task does not know Gymnasium repeats as it is, and fails where that cannot be shown.
+    return {name: any_of(rng, (*ANYTHING, *USUAL) if name in known else (*NUMBERS, *USUAL)) for name in names}
 
 
 def _presets(rng: np.random.Generator, env_id: str, folder: Path) -> dict[str, Any]:

@@ -33,6 +33,7 @@ PRELOADED = (
     "fieldgym.agents.learning.training",
 )
 """What the commands import is there when they begin: their time is work, and so are the moments of the kills."""
+MOST_ATTEMPTS = 4
 TIMEOUT_S = 600.0
 WORKERS_S = 30.0
 """Within which a killed run's workers are gone."""
@@ -127,8 +128,14 @@ def _killed(rng: np.random.Generator, words: tuple[str, ...], kind: str, whole: 
     # Some while it begins, most while it works.
     begin_s = 0.0 if rng.random() < 0.1 else 0.9 * whole.first_s
     moment_s = float(rng.uniform(begin_s, whole.whole_s))
-    process = _start(words, out)
-    process.join(moment_s)
+    process: Any = None
+    for attempt in range(MOST_ATTEMPTS):
+        out = out.with_name(f"{out.name}-{attempt}")
+        process = _start(words, out)
+        process.join(moment_s)
+        if process.exitcode is None:
+            break
+        moment_s *= 0.7  # it had more of the machine than the one that was timed
     what = f"{kind}, killed after {moment_s:.2f} s of {whole.whole_s:.2f}"
     tally.counts[f"{kind} kills"] += process.exitcode is None
     tally.counts[f"{kind} ended before"] += process.exitcode is not None
