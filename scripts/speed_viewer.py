@@ -109,7 +109,7 @@ def training(quick: bool) -> Iterator[Line]:
         ways["with a page that is looked at"] = True
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "short.yaml"
-        config.write_text(f"defaults: {{{_SHORT}}}\n")
+        config.write_text(f"defaults: {{{_SHORT}}}\n", "utf-8")
         weights: dict[str, np.ndarray] = {}
         for way, looked in ways.items():
             out = Path(folder) / way.replace(" ", "-")
