@@ -77,6 +77,27 @@ def paired_difference(values: ArrayLike, reference: ArrayLike) -> Difference:
     return Difference(*_bootstrap(finite, _mean, np.float64), len(finite))
 
 
+def paired_share(values: ArrayLike, reference: ArrayLike) -> Estimate:
+    """Mean of ``values`` (n,) as a share of the mean of ``reference`` (n,), resampled in pairs (percentiles).
+
+    Raises:
+        ValueError: the two have different shapes, or the reference's mean is not positive.
+    """
+    first, second = np.asarray(values, dtype=np.float64), np.asarray(reference, dtype=np.float64)
+    if first.shape != second.shape:
+        raise ValueError(f"values {first.shape} and reference {second.shape} must be paired, one of each per seed")
+    pairs = np.stack([first.ravel(), second.ravel()])
+    pairs = pairs[:, np.isfinite(pairs).all(axis=0)]
+    n = pairs.shape[1]
+    if n and not pairs[1].mean() > 0.0:
+        raise ValueError(f"the reference's mean is {pairs[1].mean():g}: a share needs a positive one")
+    if n < 2:
+        return Estimate(float(pairs[0, 0] / pairs[1, 0]) if n else np.nan, np.nan, np.nan, n)
+    sums = _resamples(n, np.float64) @ pairs.T
+    low, high = np.quantile(sums[:, 0] / sums[:, 1], [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)])
+    return Estimate(float(pairs[0].mean() / pairs[1].mean()), float(low), float(high), n)
+
+
 def _finite(values: ArrayLike) -> Array:
     array = np.asarray(values, dtype=np.float64).ravel()
     return array[np.isfinite(array)]

@@ -52,6 +52,7 @@ NOT_RUN = {
     "make ": "test_readme holds the Makefile's targets to their names; CI calls them",
     ".ci/run": "is what runs these tests",
     "python scripts/speed.py": "measures for minutes; tests run its sections",
+    "python scripts/clone_policy.py": "learns for a minute; test_clone runs it on a small set",
     "python scripts/growth.py": "measures for hours; tests run its parts",
     "python -m fieldgym.scripts.compare_renderers": "measures for minutes; test_compare_renderers runs it on a camera",
     "python -m rl_zoo3.train": "needs an environment of its own: it pins another Gymnasium",
