@@ -64,7 +64,8 @@ def test_a_clone_comes_to_do_as_its_teacher(edf: Any, lessons: Lessons) -> None:
     before = taught(edf, lessons, 1, learning_rate=1e-9)
     after = taught(edf, lessons, 30, on_epoch=lambda epoch, loss: losses.append(loss))
     assert after.decisions == int((lessons.episodes < 5).sum()) < len(lessons.actions)
-    assert after.agreement > 0.75 > 0.6 > before.agreement
+    # Of what it has never seen it gets less than half as much wrong as one that was taught nothing.
+    assert 1.0 - after.agreement < 0.5 * (1.0 - before.agreement)
     assert losses[-1] < 0.3 * losses[0] and len(losses) == 30
 
 
