@@ -13,8 +13,6 @@ from gymnasium.wrappers import vector as around
 from fieldgym import env_ids
 from fieldgym.envs.vector import TaskVectorEnv
 
-pytestmark = pytest.mark.portable
-
 OWN = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
 BACKENDS = ("analytic", "pybullet")
 EQUIPPED = [(env_id, backend) for env_id in OWN for backend in BACKENDS]
