@@ -33,11 +33,13 @@ SCRIPT = [sys.executable, str(ROOT / "scripts" / "torture.py")]
 
 
 @pytest.mark.slow
-def test_the_script_tries_everything_and_finds_nothing():
-    done = subprocess.run([*SCRIPT, "--share", "0.002"], capture_output=True, text=True, timeout=900)
+def test_the_script_tries_what_is_quick_and_finds_nothing():
+    """Runs that are killed have tests of their own, ``test_benchmark_resume``."""
+    quick = [f"--only={section}" for section in ("actions", "configs", "files", "resets")]
+    done = subprocess.run([*SCRIPT, *quick, "--share", "0.002"], capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-2000:]
     assert done.stdout.rstrip().endswith("0 faults")
-    for figure in ("actions", "configs", "files", "kills", "resumed to the same end", "resets analytic", "end MB"):
+    for figure in ("actions", "configs", "files", "resets analytic", "end MB"):
         assert re.search(rf"\b{figure}\b", done.stdout), figure
 
 
