@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from checked import Tray
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -28,16 +29,6 @@ class Process(Config):
     """Largest corner radius."""
     mode: str = text("fast")
     """How."""
-
-
-@dataclass(frozen=True)
-class Tray(Config):
-    """A tray."""
-
-    cells: int = num(..., 1, 1000, "")
-    """Cells."""
-    name: str = text(...)
-    """Name."""
 
 
 @dataclass(frozen=True)
