@@ -121,6 +121,8 @@ def main() -> None:
     for name, growth in sections.items():
         if options.only not in (None, name) or (name in figures["sections"] and not options.fresh):
             continue
+        # Before, for the workers of a section are a load themselves.
+        figures["load"][name] = round(os.getloadavg()[0], 1)
         measured: dict[str, list[list[float]]] = {}
         for curve, points in growth.curves.items():
             measured[curve] = []
@@ -129,7 +131,6 @@ def main() -> None:
                     measured[curve].append([float(size), float(f"{cost:.4g}")])
                     status.update(f"{name}: {curve}, {size:,.0f} measured")
         figures["sections"][name] = measured
-        figures["load"][name] = round(os.getloadavg()[0], 1)
         kept.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
         chart(growth, measured, folder / f"{name}.svg")
         slopes = {curve: exponent(points) for curve, points in measured.items()}
