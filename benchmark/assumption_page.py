@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterable, Sequence
 
 from ..envs.task import task
+from ..kernels.seeds import SHOWN
 from .assumptions.declared import SURE, Dossier
 from .rates import WORK, rates_of
 from .report.sections import name_of
 from .sensitivity import Effect, Study, beside
 from .statistics import Difference, Estimate
-from .suites import FULL_FIRST_SEED, Condition
+from .suites import Condition
 from .tables import escaped
 from .tornado import ordered
 
@@ -39,7 +40,7 @@ def page(parts: Sequence[tuple[Dossier, Study]], charts: str, command: str) -> s
     """
     episodes = max(study.episodes for _, study in parts)
     sure = ", ".join(f"{letter} {words}" for letter, words in SURE.items())
-    said = {"first": FULL_FIRST_SEED, "last": FULL_FIRST_SEED + episodes - 1, "sure": sure}
+    said = {"first": SHOWN.first, "last": SHOWN.first + episodes - 1, "sure": sure}
     lines = [_INTRODUCTION.format(episodes=episodes, command=command, **said)]
     for dossier, study in parts:
         lines += [*_chapter(dossier, study, charts), ""]

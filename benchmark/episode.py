@@ -13,13 +13,11 @@ from .. import agents
 from ..agents.policies.base import Policy, act_single
 from ..agents.rollout import begin, decisions
 from ..envs.task import task
+from ..kernels.seeds import POLICY_SEEDS
 from . import limits
 from .record import Record, failed, identity, plain, plain_number
 from .report.timeline import TimelineRecorder
 from .suites import BOUND, Episode
-
-POLICY_SEEDS = 1_000_000
-"""Added to the environment's seed for the policy's: with equal seeds both would draw the same numbers."""
 
 
 def never() -> bool:

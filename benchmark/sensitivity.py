@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..kernels.files import appendable, read_file
+from ..kernels.seeds import SHOWN
 from .assumptions.declared import Dossier, End, Yardstick
 from .rates import WORK
 from .statistics import Difference, Estimate, mean, paired_difference
 from .store import MOST_BYTES, source_digest
-from .suites import FULL_FIRST_SEED
 from .trials import trial
 
 FIGURES = ("net_rate", "cycle_time_s", "return", WORK)
@@ -61,14 +61,14 @@ def study(
 
     Args:
         dossier: what to vary.
-        episodes: seeds, the benchmark's first ones.
+        episodes: so many shown seeds.
         kept: file of what was played; what stands there from this state of the code is not played again.
         on_trial: told before each trial what is played.
 
     Raises:
         OSError: ``kept`` is no file, or cannot be read or written.
     """
-    seeds = range(FULL_FIRST_SEED, FULL_FIRST_SEED + episodes)
+    seeds = SHOWN.take(episodes)
     wanted = tuple(dict.fromkeys((*FIGURES, *(item.score for item in dossier.yardsticks))))
     shelf, source = _Shelf(kept), source_digest()
 

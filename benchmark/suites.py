@@ -12,6 +12,7 @@ from ..agents.foreign import in_words
 from ..agents.policies.weights import LEARNED
 from ..agents.sources import REGISTERED, PolicySource, policy_names, policy_source, task_code
 from ..envs.task import TaskSpec, task, tasks
+from ..kernels.seeds import HELD_OUT, SHOWN, TUNED
 from .fields import FieldFile
 
 SUITES = ("quick", "full", "tiers")
@@ -24,10 +25,6 @@ QUICK_TOUR_EPISODES = 2
 """The first environment is compared, the others are shown: together they take two minutes on two cores."""
 FULL_EPISODES = 200
 FULL_PYBULLET_EPISODES = 24
-FULL_FIRST_SEED = 100_000
-"""The large suites use the seeds from here on, which nothing else does: rules were tried on seeds from 0 on, cameras
-and parameters were fitted from 900,000 on, learned policies chose their weights from 1,000,000 on and learned from
-1,000,000,000 on. The quick suite shows seeds from 0 on."""
 
 
 @dataclass(frozen=True, order=True)
@@ -304,7 +301,8 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
     many seeds with the analytic backend, and on the first of them in PyBullet, both with the camera's model, so that
     the two differ in what carries plans out alone; and the reference on all of these seeds with the analytic backend
     and its rendered cameras, which differ from the first in what sees alone; and the rules on the scenarios that demand
-    a net rate, without bounds. ``tiers``: every scenario on many seeds with the analytic backend.
+    a net rate, without bounds; all of it on the seeds that are held out for it. ``tiers``: every scenario on many shown
+    seeds with the analytic backend. See ``kernels.seeds``.
     A task without a simulated machine, or without a camera, is run with what it has.
 
     Args:
@@ -324,27 +322,27 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
         if name == "quick":
             first = spec == tasks()[0]
             sees = spec.assembly.default_perception("pybullet") if first else "model"
-            parts = [(headline, "pybullet", sees, 0, QUICK_EPISODES if first else QUICK_TOUR_EPISODES, everybody)]
+            parts = [(headline, "pybullet", sees, TUNED, QUICK_EPISODES if first else QUICK_TOUR_EPISODES, everybody)]
         elif name == "full":
             parts = [
-                (headline, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES, everybody),
-                (headline, "pybullet", "model", FULL_FIRST_SEED, FULL_PYBULLET_EPISODES, everybody),
+                (headline, "analytic", "model", HELD_OUT, FULL_EPISODES, everybody),
+                (headline, "pybullet", "model", HELD_OUT, FULL_PYBULLET_EPISODES, everybody),
             ]
             if "camera" in spec.perceptions:
-                parts.append((headline, "analytic", "camera", FULL_FIRST_SEED, FULL_EPISODES, reference))
+                parts.append((headline, "analytic", "camera", HELD_OUT, FULL_EPISODES, reference))
             rules = tuple(name for name in everybody if name != LEARNED)
             for scenario, sees in spec.demands.items():
-                parts.append(((scenario,), "analytic", sees, FULL_FIRST_SEED, FULL_EPISODES, rules))
+                parts.append(((scenario,), "analytic", sees, HELD_OUT, FULL_EPISODES, rules))
         else:
-            parts = [(spec.scenarios, "analytic", "model", FULL_FIRST_SEED, FULL_EPISODES, everybody)]
+            parts = [(spec.scenarios, "analytic", "model", SHOWN, FULL_EPISODES, everybody)]
         bounded = name != "quick"
-        for scenarios, backend, perception, first_seed, episodes, policies in parts:
+        for scenarios, backend, perception, block, episodes, policies in parts:
             for scenario in scenarios:
                 case = Case(
                     Condition(env_id, scenario, *_part(spec, backend, perception)),
                     policies,
                     spec.reference,
-                    tuple(range(first_seed, first_seed + episodes)),
+                    tuple(block.take(episodes)),
                     bounded and perception == "model" and spec.bound is not None and scenario not in spec.demands,
                 )
                 cases.setdefault(case.condition, case)

@@ -170,7 +170,7 @@ def _special(
             wanted = wanted.under(scenario, numbers)
     if fields is not None:
         first = wanted.cases[0]
-        common.seeds_of(first.seeds[0], episodes, fields, 1)
+        common.seeds_of(0, episodes, fields, 1)
         wanted = wanted.on_fields(str(fields), ())
         wanted = wanted.on_fields(str(fields), common.fields_of(wanted.cases[0].condition, first.seeds[0]))
     return wanted

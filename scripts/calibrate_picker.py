@@ -23,10 +23,10 @@ from rich.table import Table
 import fieldgym
 from fieldgym.agents import make_policy
 from fieldgym.envs.safflower.config import ProcessConfig, SafflowerConfig
+from fieldgym.kernels.seeds import PICKER
 
 PERIOD_S, NET_RATE, GROUP_SD = 16.0, 0.8791, 0.0160
 POTS_IN_GROUP = 3
-FIRST_SEED = 5_000_000
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def run_protocol(process: ProcessConfig, worlds: int, perception: str = "model")
         autoreset_mode="Disabled",
     )
     policy = make_policy("fixed-order", env)
-    observation, _ = env.reset(seed=FIRST_SEED)
+    observation, _ = env.reset(seed=PICKER.first)
     core = env.unwrapped.core  # type: ignore[attr-defined]
     mass = core.state.head_mass_g[:, :-1].copy()
     over = np.zeros(worlds, bool)

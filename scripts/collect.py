@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from fieldgym.kernels.seeds import DATASETS
 from fieldgym.scripts.common import (
     CommandError,
     Scenario,
@@ -25,9 +26,9 @@ def main(
         str, typer.Option(metavar="NAME|FILE", help="A policy, or of these: expert, medium, random.")
     ] = "expert,medium,random",
     episodes: Annotated[int | None, typer.Option(help="Seeds SEED to SEED + N - 1; by default 100.")] = None,
-    seed: Annotated[int, typer.Option(help="First seed of the environment; scores come from those below 1000000.")] = (
-        2_000_000_000
-    ),
+    seed: Annotated[
+        int, typer.Option(help="First seed of the environment; see fieldgym.kernels.seeds.")
+    ] = DATASETS.first,
     dataset: Annotated[
         str | None, typer.Option(metavar="NAME", help="Minari's name; by default fieldgym/ENVIRONMENT/POLICY-v0.")
     ] = None,
@@ -52,7 +53,7 @@ def main(
     from rich.markup import escape
 
     from fieldgym.agents.datasets import LEVELS, collect, level_policy
-    from fieldgym.benchmark.episode import POLICY_SEEDS
+    from fieldgym.kernels.seeds import POLICY_SEEDS
 
     env_id = environment_id(env)
     levels = policy.split(",")

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from fieldgym.kernels.seeds import HeldOutError, refuse_held_out
+
 if TYPE_CHECKING:
     from fieldgym.agents.sources import PolicySource
     from fieldgym.benchmark.fields import FieldFile
@@ -176,13 +178,18 @@ def seeds_of(seed: int, episodes: int | None, fields: Path | None, default: int)
     """The seeds that are asked for.
 
     Raises:
-        CommandError: they are no such, or fields are asked for as well.
+        CommandError: they are no such, held out for the benchmark, or fields are asked for as well.
     """
     if seed < 0:
         raise CommandError(f"--seed {seed}: give 0 or more")
     if episodes is not None and fields is not None:
         raise CommandError(f"--episodes {episodes} with --fields: every file of the folder is an episode, give one")
-    return range(seed, seed + at_least_one(default if episodes is None else episodes, "--episodes"))
+    seeds = range(seed, seed + at_least_one(default if episodes is None else episodes, "--episodes"))
+    try:
+        refuse_held_out(seeds)
+    except HeldOutError as error:
+        raise CommandError(f"--seed {seed}: {error}") from None
+    return seeds
 
 
 def fields_of(condition: Condition, seed: int) -> tuple[FieldFile, ...]:

@@ -20,8 +20,8 @@ from fieldgym.agents import make_policy, reference_policy
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.envs.drives import DriveErrors
 from fieldgym.envs.weeding.ground_config import GroundConfig
+from fieldgym.kernels.seeds import DRIVES
 
-FIRST_SEED = 700_000
 LEVEL = {
     "SafflowerPicking": {"scenario.ground.iso_class": "none"},
     "LaserWeeding": {"scenario.ground": GroundConfig()},
@@ -41,7 +41,7 @@ def played(
     scores = evaluate(
         partial(make_policy, reference_policy(env_id)),
         env_id,
-        range(FIRST_SEED, FIRST_SEED + seeds),
+        DRIVES.take(seeds),
         backend=backend,
         perception="model",
         scenario="field",

@@ -55,9 +55,9 @@ def main(
 
     from fieldgym.agents import policy_names, reference_policy
     from fieldgym.agents.evaluation import evaluate
-    from fieldgym.benchmark.episode import POLICY_SEEDS
     from fieldgym.bounds import bounded_ids
     from fieldgym.envs import task
+    from fieldgym.kernels.seeds import POLICY_SEEDS
 
     env_id = common.environment_id(env)
     seeds: Sequence[int] = common.seeds_of(seed, episodes, fields, 32)

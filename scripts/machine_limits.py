@@ -26,6 +26,7 @@ from rich.table import Table
 from fieldgym.agents import make_policy, reference_policy
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.kernels.config import ConfigError
+from fieldgym.kernels.seeds import DRIVES
 
 LIMITS = (0.5, 0.7, 1.0, 1.4, 2.0)
 MASSES = (1.0, 1.5, 2.0, 3.0)
@@ -131,7 +132,7 @@ def played(task: str, overrides: dict[str, float], seeds: int, backend: str) -> 
         scores = evaluate(
             partial(make_policy, reference_policy(env_id)),
             env_id,
-            range(700_000, 700_000 + seeds),
+            DRIVES.take(seeds),
             backend=backend,
             perception="model",
             overrides=overrides,

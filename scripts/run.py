@@ -71,7 +71,7 @@ def main(
     from rich.console import Console
 
     from fieldgym.agents import reference_policy
-    from fieldgym.benchmark.episode import POLICY_SEEDS
+    from fieldgym.kernels.seeds import POLICY_SEEDS
     from fieldgym.scripts.film import film
 
     env_id = common.environment_id(env)

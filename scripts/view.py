@@ -131,7 +131,7 @@ def seat_of(play: Play, name: str, trust: bool = False) -> Seat:
     import gymnasium as gym
 
     from fieldgym.agents.sources import policy_source
-    from fieldgym.benchmark.episode import POLICY_SEEDS
+    from fieldgym.kernels.seeds import POLICY_SEEDS
     from fieldgym.viewer.seat import Seat
 
     env = gym.make(play.env_id, disable_env_checker=True, render_mode="rgb_array", **play.settings)

@@ -12,6 +12,7 @@ from fieldgym.agents.policies.base import StatelessPolicy
 from fieldgym.benchmark import episode as episodes
 from fieldgym.benchmark.record import TIMINGS, digest, identity, plain, untimed
 from fieldgym.benchmark.suites import Condition, Episode
+from fieldgym.kernels.seeds import POLICY_SEEDS
 
 POTS = Condition("fieldgym/SafflowerPicking-v0", "pots", "analytic", "perfect")
 
@@ -70,7 +71,7 @@ def test_the_policy_does_not_draw_the_environment_s_numbers(monkeypatch: pytest.
     make = agents.make_policy
     monkeypatch.setattr(agents, "make_policy", lambda name, env, seed: seeds.append(seed) or make(name, env, seed=seed))
     episodes.run_episode(Episode(POTS, "random", 5))
-    assert seeds == [episodes.POLICY_SEEDS + 5] * 2
+    assert seeds == [POLICY_SEEDS + 5] * 2
 
 
 class Slow(StatelessPolicy):

@@ -10,6 +10,7 @@ import pytest
 from fieldgym.benchmark import suites, tables, thinking
 from fieldgym.benchmark.record import Record
 from fieldgym.benchmark.suites import BOUND, Case, Condition, Suite
+from fieldgym.kernels.seeds import HELD_OUT
 
 POTS = Condition("fieldgym/Stand-v0", "pots", "analytic", "model")
 ROW = Condition("fieldgym/Stand-v0", "row", "analytic", "model")
@@ -234,16 +235,15 @@ def test_another_backend_keeps_its_own_cases_or_moves_the_others():
 
 def test_fewer_seeds_are_the_suite_s_first_ones():
     case = suites.suite("full").narrowed(episodes=3).cases[0]
-    assert case.seeds == tuple(range(suites.FULL_FIRST_SEED, suites.FULL_FIRST_SEED + 3))
+    assert case.seeds == tuple(HELD_OUT.take(3))
 
 
 def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or_chosen_on():
     from fieldgym.agents.learning.portable import shipped
-    from fieldgym.agents.learning.runs import HELD_OUT_SEEDS, TRAINING_SEEDS
     from fieldgym.envs import env_ids, task
 
     cases = suites.suite("full").cases
-    seeds = set(range(suites.FULL_FIRST_SEED, suites.FULL_FIRST_SEED + suites.FULL_EPISODES))
+    seeds = set(HELD_OUT.take(suites.FULL_EPISODES))
     for env_id in env_ids():
         by_backend = {
             case.condition.backend: case
@@ -263,7 +263,6 @@ def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or
                 card = json.loads(path.with_suffix(".json").read_text())
                 low, high = card["chosen_on_seeds"]
                 assert not seeds & set(range(low, high + 1)), path
-    assert max(seeds) < HELD_OUT_SEEDS < TRAINING_SEEDS
 
 
 def test_the_full_suite_pairs_cameras_with_their_model():

@@ -14,16 +14,12 @@ from typing import Any, Protocol
 
 from ... import __version__
 from ...kernels.files import replace_file
+from ...kernels.seeds import CHOOSING, SEEDS_A_RUN, TRAINING
 from ..evaluation import Scores, evaluate, mean
 from ..foreign import in_words
 from .portable import Portable, save, task_digest
 from .train_settings import TrainSettings
 
-TRAINING_SEEDS = 1_000_000_000
-SEEDS_A_RUN = 10_000
-"""A run with seed s begins with the instances from ``TRAINING_SEEDS + SEEDS_A_RUN s`` on, far from those below."""
-HELD_OUT_SEEDS = 1_000_000
-"""First of the seeds with which a run chooses its best weights; scores are told on others, which begin at 0."""
 BEST, LAST, CURVE = "best.npz", "last.npz", "curve.json"
 
 
@@ -35,7 +31,7 @@ def first_training_seed(seed: int) -> int:
     """
     if not 0 <= seed < 100_000:
         raise ValueError(f"seed = {seed}: allowed range [0, 99999]")
-    return TRAINING_SEEDS + SEEDS_A_RUN * seed
+    return TRAINING.first + SEEDS_A_RUN * seed
 
 
 class CheckpointError(ValueError):
@@ -197,7 +193,7 @@ class Journal:
             **facts: what else its card says.
         """
         settings = self.settings
-        seeds = range(HELD_OUT_SEEDS, HELD_OUT_SEEDS + settings.evaluation_episodes)
+        seeds = CHOOSING.take(settings.evaluation_episodes)
         scores = evaluate(policy.fitted, self.env_id, seeds, scenario=settings.scenario)
         point = _point(scores)
         self.progress.held_out = point

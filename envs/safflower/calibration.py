@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from ...kernels.seeds import PICTURES
 from ...perception.blooms import Blooms, detect
 from ..pairing import nearest_pairs
 from .config import SCENARIOS
 from .env import SafflowerPickingEnv
 from .view import MATCH_RADIUS_M
 
-FIRST_SEED = 7_000_000
+FIRST_SEED = PICTURES.first
 PUBLISHED = {
     "source": "10.1038/s41598-025-95620-8",
     "mean_error_mm": [2.42, 2.86, 3.18],

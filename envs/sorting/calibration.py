@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...kernels.seeds import PRODUCE
 from ...perception.produce import Produce
 from ..pairing import nearest_pairs
 from .columns import ITEM
@@ -20,7 +21,7 @@ from .drawing import FRUIT
 from .reports import wrapped
 from .view import MATCH_RADIUS_M, SorterView
 
-FIRST_SEED = 7_100_000
+FIRST_SEED = PRODUCE.first
 FRAMES_A_STREAM = 48
 
 

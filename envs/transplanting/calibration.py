@@ -13,12 +13,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...kernels.seeds import PICTURES, PLUGS
 from ...perception.trays import CellLook, Cells, TraySettings, decide, look_at_cells
 from .config import REPORTS, SCENARIOS, SOURCE_TRAYS, TARGET_TRAYS, TRAYS, MachineConfig, TransplantingConfig
 from .field import draw_batch
 from .scene import SIDES, Side, TrayLine, TrayScene
 
-FIT_SEED, MEASURE_SEED = 7_000_000, 8_000_000
+FIT_SEED, MEASURE_SEED = PICTURES.first, PLUGS.first
 _EMPTY_SHARE, _POOR_SHARE = 0.20, 0.20
 """More gaps and poor seedlings than a benchmark has, so that each class is met often; rates are per class."""
 

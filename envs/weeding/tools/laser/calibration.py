@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .....kernels.seeds import CAMERAS
 from ....pairing import nearest_pairs
 from ...config import SCENARIOS
 from ...gaps import LOOKED_AT, crop_gaps, weed_gaps
@@ -23,7 +24,7 @@ from .env import laser_core
 from .view import WeederView
 
 STRIPS = {"load-1.0": 8, "load-1.0-even": 3, "dense": 9}
-FIRST_SEED = 900_000
+FIRST_SEED = CAMERAS.first
 MATCH_M = 0.015
 """A track belongs to a weed when it ends within this distance of it; nearest pairs first, one to one."""
 PART_M, CANOPY_M = 0.040, 0.060
