@@ -3,7 +3,7 @@
 A *source* says where a policy comes from and what its code is, so that a worker of a benchmark finds the same one and
 results of two states of a file are told apart:
 
-- a registered name (``policy_names``);
+- a registered name (``policy_names``), or ``best``, which stands for the one that the task recommends for the scenario;
 - ``path/to/file.py:Name`` and ``package.module:Name``, a class or a factory, made as ``foreign.made`` says;
 - ``weights.npz``, a portable policy with its card;
 - ``model.zip``, a model that Stable-Baselines3 saved; loading one runs code, so it must be trusted.
@@ -18,7 +18,7 @@ from typing import Any
 
 from ..envs.assembly import meant
 from ..envs.references import resolved
-from ..envs.task import factories, task
+from ..envs.task import BEST, factories, task
 from .foreign import (
     ForeignError,
     digest_of_files,
@@ -89,6 +89,8 @@ class PolicySource:
         Raises:
             PolicySourceError: it is gone or another one by now, or its own code fails.
         """
+        if self.kind == REGISTERED and self.target == BEST:
+            return make_best
         if self.kind == REGISTERED:
             return resolved(factories(self.place)[self.target])
         path = Path(self.place)
@@ -115,8 +117,14 @@ class PolicySource:
         return found
 
 
+def make_best(env: Any, seed: int) -> Policy:
+    """The policy that is recommended for an environment's scenario, see ``TaskSpec.best``."""
+    spec = task(env.unwrapped.spec.id)
+    return policy_source(spec.id, spec.recommended(env.unwrapped.scenario)).make(env, seed)
+
+
 def policy_names(env_id: str) -> tuple[str, ...]:
-    """Policies that there are by name for an environment.
+    """Policies that there are by name for an environment; ``best`` stands for one of them and is not among them.
 
     Raises:
         ValueError: unknown environment.
@@ -136,6 +144,8 @@ def policy_source(env_id: str, name: str, trust: bool = False) -> PolicySource:
         PolicySourceError: there is no such policy, or it may not be loaded.
     """
     known = policy_names(env_id)
+    if name == BEST:
+        return PolicySource(name, REGISTERED, env_id, BEST)
     if name in known:
         return PolicySource(name, REGISTERED, env_id, name, _foreign(factories(env_id)[name]))
     place, colon, target = name.rpartition(":")

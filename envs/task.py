@@ -19,7 +19,7 @@ policies."""
 
 _LOG = logging.getLogger("fieldgym")
 
-RANDOM = "random"
+RANDOM, BEST = "random", "best"
 Factory = Callable[[Any, int], Any]
 """Makes a policy from an environment (``Env`` or ``VectorEnv``) and a seed."""
 
@@ -40,6 +40,8 @@ class TaskSpec:
         actions: the action space, in words.
         policies: name -> factory (see ``Factory``), in the order of tables. ``random`` is there by itself.
         reference: the policy that the others are compared with.
+        best: scenario -> the policy that is recommended for it, under ``""`` that for all others: what ``best`` means.
+            Without any the reference is.
         paper: where the machine comes from.
         bound: a function of the rules (one world) and of ``"drawn"``, ``"driven"`` or ``"any"`` reports that knows what
             no policy can beat (see ``bounds``); None where nobody has one.
@@ -62,6 +64,7 @@ class TaskSpec:
     learning: str | Mapping[str, Any] | None = None
     learners: Mapping[str, str | Callable[..., Any]] = field(default_factory=dict)
     demands: Mapping[str, str] = field(default_factory=dict)
+    best: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check what can be checked without loading anything."""
@@ -69,11 +72,18 @@ class TaskSpec:
             raise ValueError(f"TaskSpec.id = {self.id!r}: give 'namespace/Name-v0'")
         if self.reference not in (*self.policies, RANDOM):
             raise ValueError(f"TaskSpec.reference = {self.reference!r}: name one of its policies")
+        for scenario, name in self.best.items():
+            if name not in (*self.policies, RANDOM):
+                raise ValueError(f"TaskSpec.best[{scenario!r}] = {name!r}: name one of its policies")
 
     @property
     def name(self) -> str:
         """The id without its namespace."""
         return self.id.split("/")[-1]
+
+    def recommended(self, scenario: str) -> str:
+        """The policy that ``best`` means on a scenario."""
+        return self.best.get(scenario, self.best.get("", self.reference))
 
     @property
     def assembly(self) -> Any:
@@ -137,7 +147,7 @@ def register_policy(env_id: str, name: str, factory: str | Factory) -> None:
         raise ValueError(f"policy name {name!r}: give a word without spaces, commas, colons and slashes")
     spec = _TASKS.get(env_id)
     taken = _POLICIES.setdefault(env_id, {})
-    if name == RANDOM or (spec is not None and name in spec.policies) or taken.get(name, factory) != factory:
+    if name in (RANDOM, BEST) or (spec is not None and name in spec.policies) or taken.get(name, factory) != factory:
         raise ValueError(f"a policy of {env_id} is called {name!r} already: choose another name")
     taken[name] = factory
 

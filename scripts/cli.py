@@ -85,6 +85,7 @@ def list_environments(
                 "backends": list(spec.backends),
                 "policies": list(policy_names(env_id)),
                 "reference_policy": reference_policy(env_id),
+                "best": [f"{name}: {spec.recommended(name)}" for name in spec.scenarios],
             }
         )
     if as_json:

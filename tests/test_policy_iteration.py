@@ -14,6 +14,7 @@ from fieldgym.agents import make_policy
 from fieldgym.agents.learning import portable
 from fieldgym.agents.learning.train_settings import TrainSettings, tuned
 from fieldgym.agents.policies import search as planning
+from fieldgym.agents.policies.search import Taken
 from fieldgym.agents.policies.sorting_value import ValueSearch, ValueWeights, describe_all
 from fieldgym.agents.policies.value_weights import SHAPES, VALUE
 from fieldgym.agents.policies.weights import PolicyFileError
@@ -57,12 +58,15 @@ def test_a_wide_search_finds_the_sequence_with_the_most_gain_and_value():
     for w in range(len(actions)):
         best: dict[int, float] = {}
         for first in np.flatnonzero(picks.possible[w]).tolist():
-            step = planning.extend(problem, w, 0.0, 0.0, 0.0, 0.0, first, 0, True)
-            worth = step.gain + planning.prospect(problem, w, step.clock_s, 1 << first, first)
+            step = planning.extend(problem, w, 0.0, 0.0, 0.0, 0.0, first, 0, Taken(0, 0, 0), True)
+            one = Taken(1 << first, 0, 0)
+            worth = step.gain + planning.prospect(problem, w, step.clock_s, one, first)
             for then in set(np.flatnonzero(picks.present[w]).tolist()) - {first}:
-                after = planning.extend(problem, w, step.x, step.y, 0.0, step.clock_s, then, 0, False)
+                after = planning.extend(
+                    problem, w, step.x, step.y, 0.0, step.clock_s, then, 0, Taken(1 << first, 0, 0), False
+                )
                 if after.possible:
-                    left = planning.prospect(problem, w, after.clock_s, 1 << first | 1 << then, then)
+                    left = planning.prospect(problem, w, after.clock_s, Taken(one.used | 1 << then, 0, 0), then)
                     worth = max(worth, step.gain + after.gain + left)
             best[first] = worth
         if best:

@@ -6,6 +6,8 @@ A problem is a NamedTuple of arrays with a leading world axis, and two compiled 
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +23,37 @@ NOTHING = -1
 """Answer of the search where no sequence is as good as none."""
 TIE = 1e-9
 """Worths that are closer than this are equal: rounding does not decide."""
+
+
+MOST_WIDTH = 1024
+"""Sequences that a search within a budget keeps at most."""
+
+
+class Taken(NamedTuple):
+    """What a sequence has done, a bit for each candidate.
+
+    Attributes:
+        used: whether it was treated.
+        low: the lower digit of the way in which; ``high`` is the upper one. So there are at most four ways.
+        high: see ``low``.
+    """
+
+    used: int
+    low: int
+    high: int
+
+
+@compiled
+def with_one(taken: Taken, candidate: int, option: int) -> Taken:
+    """As ``taken``, with one more candidate treated in a way."""
+    bit = 1 << candidate
+    return Taken(taken.used | bit, taken.low | (bit if option & 1 else 0), taken.high | (bit if option & 2 else 0))
+
+
+@compiled
+def way_of(taken: Taken, candidate: int) -> int:
+    """In which way a candidate was treated."""
+    return (taken.low >> candidate & 1) + 2 * (taken.high >> candidate & 1)
 
 
 class Step(NamedTuple):
@@ -45,7 +78,16 @@ class Step(NamedTuple):
 
 @by_kind
 def extend(
-    problem: Any, w: int, x: float, y: float, z: float, clock_s: float, candidate: int, option: int, first: bool
+    problem: Any,
+    w: int,
+    x: float,
+    y: float,
+    z: float,
+    clock_s: float,
+    candidate: int,
+    option: int,
+    taken: Taken,
+    first: bool,
 ) -> Step:
     """Treat one more candidate in world ``w`` after a sequence that ends at a place and a time.
 
@@ -58,20 +100,21 @@ def extend(
         clock_s: seconds from now.
         candidate: what is treated.
         option: in which way.
+        taken: what the sequence has done.
         first: whether the sequence is empty so far.
     """
     raise NotImplementedError
 
 
 @by_kind
-def prospect(problem: Any, w: int, clock_s: float, used: int, last: int) -> float:
+def prospect(problem: Any, w: int, clock_s: float, taken: Taken, last: int) -> float:
     """What may still come after a sequence, less the price of its time.
 
     Args:
         problem: numbers of the problem.
         w: the world.
         clock_s: when the sequence is done, seconds from now.
-        used: a bit for each treated candidate.
+        taken: what the sequence has done.
         last: the candidate that it ends at; the number of candidates where it has none.
     """
     raise NotImplementedError
@@ -85,6 +128,8 @@ class _Beams(NamedTuple):
     gained: Array
     worth: Array
     used: NDArray[np.int64]
+    low: NDArray[np.int64]
+    high: NDArray[np.int64]
     first: NDArray[np.int64]
 
 
@@ -92,7 +137,7 @@ class _Beams(NamedTuple):
 def _beams(width: int) -> _Beams:
     whole = np.empty(width, np.int64)
     real = np.empty(width)
-    return _Beams(np.empty((width, 3)), real, real.copy(), real.copy(), whole, whole.copy())
+    return _Beams(np.empty((width, 3)), real, real.copy(), real.copy(), whole, whole.copy(), whole.copy(), whole.copy())
 
 
 @compiled
@@ -110,7 +155,8 @@ def _place(beams: _Beams, count: int, worth: float) -> int:
             beams.gained[j - 1],
             beams.worth[j - 1],
         )
-        beams.used[j], beams.first[j] = beams.used[j - 1], beams.first[j - 1]
+        beams.used[j], beams.low[j], beams.high[j] = beams.used[j - 1], beams.low[j - 1], beams.high[j - 1]
+        beams.first[j] = beams.first[j - 1]
     return i
 
 
@@ -138,21 +184,22 @@ def search(
         best, answer, count = idle[w] - 2.0 * TIE, NOTHING, 1
         for axis in range(3):
             now.place[0, axis] = start[w, axis]
-        now.clock_s[0], now.gained[0], now.used[0] = 0.0, 0.0, 0
+        now.clock_s[0], now.gained[0] = 0.0, 0.0
+        now.used[0], now.low[0], now.high[0] = 0, 0, 0
         for level in range(depth):
             grown = 0
             for b in range(count):
                 x, y, z, clock_s = now.place[b, 0], now.place[b, 1], now.place[b, 2], now.clock_s[b]
+                before = Taken(now.used[b], now.low[b], now.high[b])
                 for candidate in range(candidates[w]):
                     if now.used[b] >> candidate & 1:
                         continue
-                    used = now.used[b] | 1 << candidate
                     for option in range(options):
-                        step = extend(problem, w, x, y, z, clock_s, candidate, option, level == 0)
+                        step = extend(problem, w, x, y, z, clock_s, candidate, option, before, level == 0)
                         if not step.possible:
                             continue
-                        gained = now.gained[b] + step.gain
-                        worth = gained + prospect(problem, w, step.clock_s, used, candidate)
+                        gained, taken = now.gained[b] + step.gain, with_one(before, candidate, option)
+                        worth = gained + prospect(problem, w, step.clock_s, taken, candidate)
                         first = candidate * options + option if level == 0 else now.first[b]
                         if worth > best + TIE:
                             best, answer = worth, first
@@ -162,8 +209,25 @@ def search(
                         if i < width:
                             then.place[i, 0], then.place[i, 1], then.place[i, 2] = step.x, step.y, step.z
                             then.clock_s[i], then.gained[i], then.worth[i] = step.clock_s, gained, worth
-                            then.used[i], then.first[i] = used, first
+                            then.used[i], then.low[i], then.high[i] = taken.used, taken.low, taken.high
+                            then.first[i] = first
                             grown = min(grown + 1, width)
             now, then, count = then, now, grown
         answers[w] = answer
     return answers
+
+
+def within(budget_ms: float, plan: Callable[[int], NDArray[np.int64]]) -> NDArray[np.int64]:
+    """What the widest search says that there is time for: it keeps 1 sequence, then 2, 4, ... as long as that lasts.
+
+    Args:
+        budget_ms: wall milliseconds; the narrowest search is done however little that is.
+        plan: decisions (B,) of a search that keeps so many sequences.
+    """
+    began, width = time.perf_counter(), 1
+    while True:
+        answer = plan(width)
+        width *= 2
+        # The next one takes about twice as long as the last, which took at most what has passed.
+        if width > MOST_WIDTH or 3e3 * (time.perf_counter() - began) > budget_ms:
+            return answer

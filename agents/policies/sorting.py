@@ -22,7 +22,7 @@ from ...envs.sorting.timing import Paces, approach_s, hold_s, stroke_s, way_s
 from ...kernels import bind, compiled
 from ...motion import QUINTIC
 from .base import Actions, ConfiguredPolicy, Observation, StatelessPolicy
-from .search import NOTHING, Step, search
+from .search import NOTHING, Step, Taken, search, within
 
 Array = NDArray[np.float64]
 
@@ -137,7 +137,16 @@ class Picks(NamedTuple):
 
 @compiled
 def extend(
-    problem: Picks, w: int, x: float, y: float, z: float, clock_s: float, candidate: int, option: int, first: bool
+    problem: Picks,
+    w: int,
+    x: float,
+    y: float,
+    z: float,
+    clock_s: float,
+    candidate: int,
+    option: int,
+    taken: Taken,
+    first: bool,
 ) -> Step:
     """Grip one more item; the platform is level over the item's bin after it, ``z`` and ``option`` mean nothing."""
     if not (problem.possible[w, candidate] if first else problem.present[w, candidate]):
@@ -164,7 +173,7 @@ def queue(problem: Picks, w: int, x: float, y: float, clock_s: float, used: int)
     worth = 0.0
     for candidate in problem.order[w]:
         if not used >> candidate & 1:
-            step = extend(problem, w, x, y, 0.0, clock_s, candidate, 0, False)
+            step = extend(problem, w, x, y, 0.0, clock_s, candidate, 0, Taken(used, 0, 0), False)
             if step.possible:
                 worth += step.gain
                 x, y, clock_s = step.x, step.y, step.clock_s
@@ -172,10 +181,10 @@ def queue(problem: Picks, w: int, x: float, y: float, clock_s: float, used: int)
 
 
 @compiled
-def prospect(problem: Picks, w: int, clock_s: float, used: int, last: int) -> float:
+def prospect(problem: Picks, w: int, clock_s: float, taken: Taken, last: int) -> float:
     """What the others bring in the queue's order, less the price of all the time."""
     place = problem.bins[problem.goal[w, last]]
-    worth, done_s = queue(problem, w, place[0], place[1], clock_s, used)
+    worth, done_s = queue(problem, w, place[0], place[1], clock_s, taken.used)
     return worth - problem.price * done_s
 
 
@@ -191,13 +200,14 @@ class PickPlanner(ConfiguredPolicy):
         config: the task's public numbers.
         depth: picks ahead.
         width: sequences kept at each depth.
+        budget_ms: wall milliseconds for a decision; the search is then as wide as it has time for, whatever ``width``.
     """
 
-    def __init__(self, config: SortingConfig, depth: int, width: int):
+    def __init__(self, config: SortingConfig, depth: int, width: int, budget_ms: float | None = None):
         """Take the machine's times from the configuration."""
         if depth < 1 or width < 1:
             raise ValueError(f"depth = {depth}, width = {width}: both must be at least 1")
-        self._depth, self._width = depth, width
+        self._depth, self._width, self._budget_ms = depth, width, budget_ms
         self._paces, grip = Paces.of(config), config.grip
         self._turn_limits = config.machine.sorter.turn_rad_s, config.machine.sorter.turn_rad_s2
         down = config.machine.travel_level_m - _GRIP_LEVEL_M
@@ -233,7 +243,12 @@ class PickPlanner(ConfiguredPolicy):
         worlds, k = picks.present.shape
         idle = np.full(worlds, -np.inf)
         count = picks.present.sum(axis=1)
-        answer = search(problem, np.zeros((worlds, 3)), idle, 1, count, self._depth, self._width)
+        start = np.zeros((worlds, 3))
+
+        def plan(width: int) -> NDArray[np.int64]:
+            return search(problem, start, idle, 1, count, self._depth, width)
+
+        answer = plan(self._width) if self._budget_ms is None else within(self._budget_ms, plan)
         return np.where(answer == NOTHING, k, answer)
 
 
@@ -247,13 +262,22 @@ class RecedingHorizon(PickPlanner):
         depth: picks ahead.
         width: sequences kept at each depth.
         by_value: count values instead of items.
+        budget_ms: see ``PickPlanner``.
     """
 
     name = "receding-horizon"
 
-    def __init__(self, config: SortingConfig, depth: int = 4, width: int = 8, *, by_value: bool = False):
+    def __init__(
+        self,
+        config: SortingConfig,
+        depth: int = 7,
+        width: int = 16,
+        *,
+        by_value: bool = False,
+        budget_ms: float | None = None,
+    ):
         """See ``PickPlanner``."""
-        super().__init__(config, depth, width)
+        super().__init__(config, depth, width, budget_ms)
         self._by_value = by_value
         mean_value = float(np.mean(config.produce.value)) if by_value else 1.0
         # Half of what work without pause earns, less a tenth for bad fits [of 0 to 1, on seeds 0-99]: items that no

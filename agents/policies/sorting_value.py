@@ -18,7 +18,7 @@ from ...envs.sorting.columns import CANDIDATE, KINDS, MACHINE, PLACE_SCALE_M, ca
 from ...envs.sorting.config import SortingConfig
 from ...kernels import bind, compiled
 from .base import Actions, Observation
-from .search import Step
+from .search import Step, Taken
 from .sorting import GRADE_COLUMNS, PickPlanner, Picks, queue
 from .sorting import extend as extend_picks
 from .value_weights import ARRIVALS, ENDS, FORMAT, GAINS, LEFT, SHAPES, VALUE
@@ -120,17 +120,26 @@ def describe_all(problem: ValuedPicks) -> Array:
 
 @compiled
 def extend(
-    problem: ValuedPicks, w: int, x: float, y: float, z: float, clock_s: float, candidate: int, option: int, first: bool
+    problem: ValuedPicks,
+    w: int,
+    x: float,
+    y: float,
+    z: float,
+    clock_s: float,
+    candidate: int,
+    option: int,
+    taken: Taken,
+    first: bool,
 ) -> Step:
     """Grip one more item."""
-    return extend_picks(problem.picks, w, x, y, z, clock_s, candidate, option, first)
+    return extend_picks(problem.picks, w, x, y, z, clock_s, candidate, option, taken, first)
 
 
 @compiled
-def prospect(problem: ValuedPicks, w: int, clock_s: float, used: int, last: int) -> float:
+def prospect(problem: ValuedPicks, w: int, clock_s: float, taken: Taken, last: int) -> float:
     """The learned value of what a sequence leaves."""
     row, place = np.empty(VALUE), problem.picks.bins[problem.picks.goal[w, last]]
-    describe(problem, w, place[0], place[1], clock_s, used, row)
+    describe(problem, w, place[0], place[1], clock_s, taken.used, row)
     worth = 0.0
     for i in range(VALUE):
         worth += row[i] * problem.value[i]

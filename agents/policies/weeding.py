@@ -196,7 +196,7 @@ class HoldBacklog(_SpeedRule):
 
     name = "hold-backlog"
 
-    def __init__(self, policy: ScriptedWeeder, low: float = 0.75, high: float = 0.95, name: str = name):
+    def __init__(self, policy: ScriptedWeeder, low: float = 0.5, high: float = 0.7, name: str = name):
         """Hold the backlog between ``low`` and ``high``."""
         super().__init__(policy)
         self.name = name

@@ -1,4 +1,7 @@
-"""Receding horizon for weeding with any tool: a beam search over the next shots, with an estimate of all the others."""
+"""Receding horizon for weeding with any tool: a beam search over the next shots, with an estimate of all the others.
+
+It knows what it has done (``weeding_belief``) and what shots do on average (``envs.weeding.outcomes``).
+"""
 
 from __future__ import annotations
 
@@ -7,18 +10,30 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.weeding.features import ACROSS_SCALE_M, ALONG_SCALE_M, SPEED_SCALE, C, M
+from ...envs.weeding.features import ACROSS_SCALE_M, ALONG_SCALE_M, CROP_GAP_SCALE_M, SPEED_SCALE, C, M, candidate_table
+from ...envs.weeding.outcomes import Outcomes, outcomes_of
 from ...envs.weeding.ridges import lift_time
 from ...envs.weeding.timing import A, G, Place, approach, move_time
 from ...kernels import bind, compiled
 from .base import Actions, Observation
-from .search import NOTHING, Step, search
+from .search import NOTHING, Step, Taken, search, with_one, within
 from .weeding import AtSpeed, HoldBacklog, ScriptedWeeder
+from .weeding_belief import Belief, Memory, believe, kills, kills_now
+from .weeding_outlook import outlook
 
 Array = NDArray[np.float64]
 
 _STILL_M_S = 1e-3
 """A cart is taken to drive at least this fast."""
+PRICE = 0.35
+"""What a second costs, as a share of what work without pause earns: weeds that no camera has seen yet will want it
+[chosen on tuned seeds, as the other numbers here]."""
+MODE_PRICE = 0.7
+"""Of that, what counts where the modes of later shots are chosen."""
+RESERVE = 0.5
+"""Services that the estimate keeps in reserve before a weed leaves."""
+SPEEDY_PRICE = 0.1
+"""``PRICE`` where the cart slows down when there is much to do."""
 
 
 class Shots(NamedTuple):
@@ -28,11 +43,13 @@ class Shots(NamedTuple):
         arm: numbers of the tool's arm.
         stand_s: (M,), seconds on a plant.
         price: what a second costs.
+        killed: what a killed weed is worth.
         speed: (B,), of the cart, m/s.
         place: (B, K, 2), of the candidates along and across, metres.
-        value: (B, K, M), expected value of a shot but for the time.
+        belief: what shots are expected to kill.
+        cost: (B, K, M), expected cost of a shot but for the time.
         legal: (B, K, M), whether it can be the next one.
-        rest_value: (B, K), value of a shot in the mode that the kind of weed calls for; none where it does harm.
+        mode: (B, K), in which a candidate is worked on later; -1 where none is worth it.
         rest_s: (B, K), seconds of that mode.
         opens_s: (B, K), seconds until the candidate is in the window.
         leaves_s: (B, K), seconds until it has left it, less a reserve.
@@ -42,11 +59,13 @@ class Shots(NamedTuple):
     arm: Any
     stand_s: Array
     price: float
+    killed: float
     speed: Array
     place: Array
-    value: Array
+    belief: Belief
+    cost: Array
     legal: NDArray[np.bool_]
-    rest_value: Array
+    mode: NDArray[np.int64]
     rest_s: Array
     opens_s: Array
     leaves_s: Array
@@ -55,28 +74,43 @@ class Shots(NamedTuple):
 
 @compiled
 def extend(
-    problem: Shots, w: int, x: float, y: float, z: float, clock_s: float, candidate: int, option: int, first: bool
+    problem: Shots,
+    w: int,
+    x: float,
+    y: float,
+    z: float,
+    clock_s: float,
+    candidate: int,
+    option: int,
+    taken: Taken,
+    first: bool,
 ) -> Step:
     """One more shot; for the first the mask knows better than the estimate."""
-    if not problem.value[w, candidate, option] > 0.0 or (first and not problem.legal[w, candidate, option]):
+    if not (problem.legal[w, candidate, option] if first else problem.mode[w, candidate] == option):
+        return Step(x, y, z, clock_s, 0.0, False)
+    gain = problem.killed * kills(problem.belief, w, candidate, option, taken) - problem.cost[w, candidate, option]
+    if not gain > 0.0:
         return Step(x, y, z, clock_s, 0.0, False)
     along, across = problem.place[w, candidate, G.along], problem.place[w, candidate, G.across]
     stand_s, speed = problem.stand_s[option], problem.speed[w]
     way = approach(problem.arm, stand_s, Place(x, y, z), speed * clock_s, speed, along, across)
     done_s = clock_s + (way.move_s + way.wait_s) + stand_s
-    return Step(way.carrier_m, way.lean_m, way.across_m, done_s, problem.value[w, candidate, option], way.legal)
+    return Step(way.carrier_m, way.lean_m, way.across_m, done_s, gain, way.legal)
 
 
 @compiled
-def prospect(problem: Shots, w: int, clock_s: float, used: int, last: int) -> float:
+def prospect(problem: Shots, w: int, clock_s: float, taken: Taken, last: int) -> float:
     """Value of the others, served in the order of leaving where they still can be, less the price of all the time."""
     worth = 0.0
-    for j in range(problem.rest_value.shape[1]):
-        if problem.rest_value[w, j] > 0.0 and not used >> j & 1:
+    for j in range(problem.mode.shape[1]):
+        mode = problem.mode[w, j]
+        if mode >= 0 and not taken.used >> j & 1:
             done_s = max(clock_s + problem.move_s[w, last, j], problem.opens_s[w, j]) + problem.rest_s[w, j]
             if done_s <= problem.leaves_s[w, j]:
-                clock_s, last = done_s, j
-                worth += problem.rest_value[w, j]
+                gain = problem.killed * kills(problem.belief, w, j, mode, taken) - problem.cost[w, j, mode]
+                if gain > 0.0:
+                    clock_s, last, taken = done_s, j, with_one(taken, j, mode)
+                    worth += gain
     return worth - problem.price * clock_s
 
 
@@ -116,7 +150,7 @@ def waiting(shots: Shots, moment_s: float) -> Array:
     """What waiting a moment is worth (B,)."""
     worth = np.empty(len(shots.speed))
     for w in range(len(worth)):
-        worth[w] = prospect(shots, w, moment_s, 0, shots.place.shape[1])
+        worth[w] = prospect(shots, w, moment_s, Taken(0, 0, 0), shots.place.shape[1])
     return worth
 
 
@@ -124,59 +158,133 @@ class RecedingHorizon(ScriptedWeeder):
     """Beam search over the next shots; what comes after them is estimated by earliest deadline first.
 
     Sequences of up to ``depth`` shots are grown over estimated windows and move times; the ``width`` best of each
-    depth are kept. A sequence is worth what its shots are expected to bring, plus what serving the other candidates
-    in the order of leaving, with their labels' doses, would still bring after it, less the time.
-    Waiting a moment is a sequence too. Only the first shot is fired.
+    depth are kept. A sequence is worth what its shots are expected to kill, of their own track and of what is reported
+    beside it, less what was swept already by it or by own shots before; plus what serving the other candidates in the
+    order of leaving would still bring after it, less the time. The first shot is tried in every mode, later ones in the
+    mode with the highest value less a price for its seconds. Waiting a moment is a sequence too. Only the first shot is
+    fired.
+
+    Attributes:
+        believed: (B,), kills that the last decisions are expected to bring.
 
     Args:
         config: the task's public numbers.
         depth: shots ahead.
         width: sequences kept at each depth.
+        outcomes: what shots do on average; by default as the tool's measured cameras see.
+        price: of a second, as a share of what work without pause earns.
+        budget_ms: wall milliseconds for a decision; the search is then as wide as it has time for, whatever ``width``.
     """
 
     name = "receding-horizon"
 
-    def __init__(self, config: Any, depth: int = 4, width: int = 6):
+    def __init__(
+        self,
+        config: Any,
+        depth: int = 8,
+        width: int = 40,
+        outcomes: Outcomes | None = None,
+        price: float = PRICE,
+        budget_ms: float | None = None,
+    ):
         """Take the machine's windows and move times from the configuration."""
         super().__init__(config)
         if depth < 1 or width < 1:
             raise ValueError(f"depth = {depth} and width = {width}: give at least 1")
-        self._depth, self._width = depth, width
-        # A second is charged at a quarter of what work without pause earns [assumed]: weeds that no camera has seen yet
-        # will want it. The same uncertainty makes the estimate keep one service in reserve before a weed leaves.
-        self._price = 0.25 * config.weights.killed / config.service_s
-        self._reserve_s = config.service_s
+        self._depth, self._width, self._budget_ms = depth, width, budget_ms
+        tool = self.outlook
+        self._tables = outcomes or outcomes_of(config, tool.perception, tool.process)
+        self._price = price * config.weights.killed / config.service_s
+        self._reserve_s = RESERVE * config.service_s
+        self.believed = np.zeros(0)
+        self._memory = Memory.blank(0)
+
+    @classmethod
+    def make(cls, env: Any, seed: int, **settings: Any) -> Any:
+        """The policy for an environment; it reckons with the cameras that the environment has."""
+        core = env.unwrapped.core
+        config = core.config
+        perception = core.perception or outlook(config).perception
+        return cls(config, outcomes=outcomes_of(config, perception, core.process), **settings)
+
+    def reset(self, rows: NDArray[np.bool_]) -> None:
+        """Forget the shots of the worlds (B,) in which a new episode begins."""
+        if len(rows) == len(self._memory.shots):
+            self._memory.forget(rows)
+        else:
+            self._memory = Memory.blank(len(rows))
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
-        view, arm = self.read(observation), self.outlook.arm
-        b, k = view.label.shape
-        present = view.table[..., C.present] > 0.5
-        place = view.table[..., [C.along, C.across]] * [ALONG_SCALE_M, ACROSS_SCALE_M]
-        machine = observation["machine"].astype(np.float64)
-        speed = np.maximum(machine[:, M.speed] * SPEED_SCALE, _STILL_M_S)
-        start = machine[:, [M.place, M.lean_along, M.lean_across]] * arm.scale
-        labelled = np.take_along_axis(view.value, view.label[..., None], axis=2)[..., 0]
-        pace = 1.0 / speed[:, None]
-        shots = Shots(
-            arm=arm,
-            stand_s=view.work_s,
-            price=self._price,
-            speed=speed,
-            place=place,
-            value=view.value,
-            legal=view.legal,
-            rest_value=np.where(present, labelled, 0.0),
-            rest_s=view.work_s[view.label],
-            opens_s=(place[..., G.along] - arm.front_m) * pace,
-            leaves_s=(place[..., G.along] + arm.front_m) * pace - self._reserve_s,
-            move_s=np.empty((b, k + 1, k)),
-        )
+        shots, killed, count, kind, cart_m = self._problem(observation)
+        start = observation["machine"][:, [M.place, M.lean_along, M.lean_across]].astype(np.float64)
+        start *= self.outlook.arm.scale
         measure_moves(shots, start, self.outlook.lean_share)
         idle = waiting(shots, self.config.cart.moment_s)
-        modes = len(view.work_s)
-        answer = search(shots, start, idle, modes, present.sum(axis=1), self._depth, self._width)
-        return np.where(answer == NOTHING, self.wait, answer)
+        modes = len(shots.stand_s)
+
+        def plan(width: int) -> NDArray[np.int64]:
+            return search(shots, start, idle, modes, count, self._depth, width)
+
+        answer = plan(self._width) if self._budget_ms is None else within(self._budget_ms, plan)
+        fired, rows = answer != NOTHING, np.arange(len(answer))
+        slot, mode = np.where(fired, answer // modes, 0), np.where(fired, answer % modes, 0)
+        place = shots.place[rows, slot]
+        place[:, G.along] += cart_m
+        self.believed = np.where(fired, killed[rows, slot, mode], 0.0)
+        self._memory.add(cart_m, place, kind[rows, slot], mode, fired)
+        return np.where(fired, answer, self.wait)
+
+    def _problem(self, observation: Observation) -> tuple[Shots, Array, NDArray[np.int64], NDArray[np.int64], Array]:
+        """What the search works on, expected kills (B, K, M), candidates (B,), their kinds (B, K), the carts (B,)."""
+        config, tool, weights = self.config, self.outlook, self.config.weights
+        table, machine = candidate_table(observation).astype(np.float64), observation["machine"].astype(np.float64)
+        b, k = table.shape[:2]
+        if len(self._memory.shots) != b:
+            self._memory = Memory.blank(b)
+        modes, work_s = len(tool.work_s), tool.work_s
+        count = (table[..., C.present] > 0.5).sum(axis=1)
+        cart_m = machine[:, M.progress] * config.scenario.strip_m
+        place = table[..., [C.along, C.across]] * [ALONG_SCALE_M, ACROSS_SCALE_M]
+        kind = 3 * (table[..., C.grass] > 0.5) + table[..., C.cotyledon : C.four_leaf + 1].argmax(axis=-1)
+        crop_gap_m = table[..., C.crop_gap] * CROP_GAP_SCALE_M
+        belief = Belief(
+            np.zeros((b, k, modes)),
+            np.empty((b, k, k, modes)),
+            np.empty((b, k, k, modes, modes)),
+            np.zeros((b, k), np.int64),
+            np.zeros((b, k, modes)),
+        )
+        self._memory.take_back(cart_m)
+        in_world = place.copy()
+        in_world[..., G.along] += cart_m[:, None]
+        believe(self._tables, self._memory, count, in_world, kind, crop_gap_m, belief)
+        cost = -weights.crop * belief.harm - weights.joules * tool.energy_j
+        killed = kills_now(belief, count)
+        value = weights.killed * killed - cost
+        worth = value - MODE_PRICE * self._price * work_s
+        legal = observation["action_mask"][:, : modes * k].reshape(b, k, modes) > 0
+        best = np.where(value > 0.0, worth, -np.inf)
+        mode = np.where((value > 0.0).any(axis=-1), best.argmax(axis=-1), -1)
+        speed = np.maximum(machine[:, M.speed] * SPEED_SCALE, _STILL_M_S)
+        pace = 1.0 / speed[:, None]
+        shots = Shots(
+            arm=tool.arm,
+            stand_s=work_s,
+            price=self._price,
+            killed=float(weights.killed),
+            speed=speed,
+            place=place,
+            belief=belief,
+            cost=cost,
+            legal=legal,
+            mode=mode,
+            rest_s=work_s[np.maximum(mode, 0)],
+            opens_s=(place[..., G.along] - tool.arm.front_m) * pace,
+            leaves_s=(place[..., G.along] + tool.arm.front_m) * pace - self._reserve_s,
+            move_s=np.empty((b, k + 1, k)),
+        )
+        return shots, killed, count, kind, cart_m
 
 
 def constant_075(env: Any, seed: int) -> AtSpeed:
@@ -196,7 +304,7 @@ def constant_15(env: Any, seed: int) -> AtSpeed:
 
 def hold_backlog(env: Any, seed: int) -> HoldBacklog:
     """``receding-horizon`` at a speed that keeps the backlog constant."""
-    return HoldBacklog(RecedingHorizon.make(env, seed))
+    return HoldBacklog(RecedingHorizon.make(env, seed, price=SPEEDY_PRICE))
 
 
 def hold_backlog_065(env: Any, seed: int) -> HoldBacklog:

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...envs.weeding.perception import PerceptionModel, uncorrected
+from ...envs.weeding.process import WeedingProcess
 from ...envs.weeding.ridges import Ridges
 from ...envs.weeding.tools.hoe.arm import HoeArm
 from ...envs.weeding.tools.hoe.config import HoeWeedingConfig
@@ -32,6 +34,8 @@ class Outlook(NamedTuple):
         chance: (species, stage, M), expected probability of a kill.
         label: (species, stage), mode that a kind of weed calls for.
         harm: probability (..., M) that a crop plant at distances (...) from a weed dies with it.
+        process: what it does to plants.
+        perception: statistics of the cameras that look for it.
     """
 
     arm: Any
@@ -41,6 +45,8 @@ class Outlook(NamedTuple):
     chance: Array
     label: NDArray[np.int64]
     harm: Callable[[Array], Array]
+    process: WeedingProcess
+    perception: PerceptionModel
 
 
 @singledispatch
@@ -70,6 +76,8 @@ def _laser(config: WeedingConfig) -> Outlook:
         chance=numbers.response.chances(),
         label=numbers.response.labels(),
         harm=harm,
+        process=process,
+        perception=PerceptionModel.measured(),
     )
 
 
@@ -91,4 +99,6 @@ def _hoe(config: HoeWeedingConfig) -> Outlook:
         chance=numbers.response.chances(),
         label=numbers.response.labels(),
         harm=harm,
+        process=process,
+        perception=uncorrected(PerceptionModel.measured()),
     )

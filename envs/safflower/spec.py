@@ -21,6 +21,7 @@ PICKING = TaskSpec(
         "learned": "fieldgym.agents.registry:make_learned",
     },
     reference="fixed-order",
+    best={"": "route", "pots": "grams-per-second", "row": "learned"},
     bound="fieldgym.bounds.safflower:instance_of",
     learning="fieldgym.agents.learning:settings/SafflowerPicking-v0.yaml",
 )

@@ -23,6 +23,7 @@ SORTING = TaskSpec(
         "learned": "fieldgym.agents.registry:make_learned",
     },
     reference="fifo",
+    best={"": "receding-horizon-value", "load-1.25": "learned"},
     bound="fieldgym.bounds.sorting:instance_of",
     learning="fieldgym.agents.learning:settings/ProduceSorting-v0.yaml",
     learners={"policy-iteration": "fieldgym.agents.learning.policy_iteration:iterate"},

@@ -22,6 +22,7 @@ TRANSPLANTING = TaskSpec(
         "learned": "fieldgym.agents.registry:make_learned",
     },
     reference="fixed-order",
+    best={"": "assignment", "fill": "learned"},
     bound="fieldgym.bounds.transplanting:instance_of",
     learning="fieldgym.agents.learning:settings/TrayTransplanting-v0.yaml",
 )

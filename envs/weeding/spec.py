@@ -27,6 +27,7 @@ LASER_WEEDING = TaskSpec(
     reference="fifo",
     bound="fieldgym.bounds.weeding:instance_of",
     learning="fieldgym.agents.learning:settings/LaserWeeding-v0.yaml",
+    best={"": "receding-horizon"},
 )
 
 LASER_WEEDING_SPEED = TaskSpec(
@@ -49,6 +50,7 @@ LASER_WEEDING_SPEED = TaskSpec(
     demands={"demand-0.90": "perfect", "demand-0.60": "model"},
     bound="fieldgym.bounds.weeding:instance_of",
     learning="fieldgym.agents.learning:settings/LaserWeedingSpeed-v0.yaml",
+    best={"": "hold-backlog", "demand-0.90": "hold-backlog-0.65", "demand-0.60": "hold-backlog-0.65"},
 )
 
 HOE_WEEDING = TaskSpec(
@@ -63,4 +65,5 @@ HOE_WEEDING = TaskSpec(
     reference="fifo",
     bound="fieldgym.bounds.weeding:instance_of",
     learning="fieldgym.agents.learning:settings/HoeWeeding-v0.yaml",
+    best={"": "receding-horizon"},
 )

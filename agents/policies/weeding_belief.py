@@ -1,0 +1,209 @@
+"""What a planner believes of a weeder's candidates: what shots will do, given what it has done itself.
+
+An observation does not show what was treated: a track that was worked on is gone from it, and one that was swept with
+its neighbour stands there as before. So a planner remembers its own shots, and reckons with measured tables of what
+they do to what is reported about them (``envs.weeding.outcomes``).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...envs.weeding.outcomes import (
+    CROP_GAPS_M,
+    FAR_M,
+    NEIGHBOUR_GAPS_M,
+    STEP_M,
+    Outcomes,
+    class_of,
+    crop_step,
+)
+from ...envs.weeding.state import MODES
+from ...envs.weeding.timing import G
+from ...kernels import compiled
+from .search import Taken, way_of
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+MEMORY = 64
+"""Shots that are remembered in a world: those that a cart's window holds, and many more."""
+
+
+class Memory(NamedTuple):
+    """Own shots in B worlds, H places each, which are filled again and again.
+
+    Attributes:
+        place: (B, H, 2), along the row in the world and across, metres.
+        kind: (B, H), reported.
+        mode: (B, H).
+        shots: (B,), how many there have been; the last of them stands at ``(shots - 1) % H``.
+        cart_m: (B,), where the cart was at the last decision.
+        fired: (B,), whether that was a shot.
+    """
+
+    place: Array
+    kind: NDArray[np.int64]
+    mode: NDArray[np.int64]
+    shots: NDArray[np.int64]
+    cart_m: Array
+    fired: Flags
+
+    @classmethod
+    def blank(cls, worlds: int) -> Memory:
+        """Of worlds in which nothing was done."""
+        whole = np.zeros((worlds, MEMORY), np.int64)
+        return cls(
+            np.zeros((worlds, MEMORY, 2)),
+            whole,
+            whole.copy(),
+            np.zeros(worlds, np.int64),
+            np.full(worlds, np.nan),
+            np.zeros(worlds, bool),
+        )
+
+    def forget(self, rows: Flags) -> None:
+        """Begin anew in the worlds (B,) that ``rows`` marks."""
+        self.shots[rows], self.cart_m[rows], self.fired[rows] = 0, np.nan, False
+
+    def take_back(self, cart_m: Array) -> None:
+        """Where a decision is asked for again before the cart has moved, the last one was not carried out."""
+        again = (cart_m == self.cart_m) & self.fired
+        self.shots[again] -= 1
+        self.fired[again] = False
+
+    def add(self, cart_m: Array, place: Array, kind: NDArray[np.int64], mode: NDArray[np.int64], fired: Flags) -> None:
+        """Remember decisions (B,) at places (B, 2) in the world; those that ``fired`` are shots."""
+        rows = np.flatnonzero(fired)
+        slot = self.shots[rows] % MEMORY
+        self.place[rows, slot], self.kind[rows, slot], self.mode[rows, slot] = place[rows], kind[rows], mode[rows]
+        self.shots[rows] += 1
+        self.cart_m[:], self.fired[:] = cart_m, fired
+
+
+class Belief(NamedTuple):
+    """What shots are expected to do in B worlds; K candidates, M modes.
+
+    Attributes:
+        own: (B, K, M), kills among what belongs to the candidate, and among what earlier shots have left beside it.
+        beside: (B, K, K, M), kills of a shot at the first among what belongs to the second.
+        after: (B, K, K, M, M), share that a shot at the first leaves of the own kills of the second, by both modes.
+        near: (B, K), a bit for each candidate that is near enough for the two to be told; else they are not written.
+        harm: (B, K, M), crop plants that die.
+    """
+
+    own: Array
+    beside: Array
+    after: Array
+    near: NDArray[np.int64]
+    harm: Array
+
+
+@compiled
+def step_of(from_m: Array, to_m: Array) -> int:
+    """The step of the distance between two places (2,); -1 where they are far."""
+    along, across = to_m[G.along] - from_m[G.along], to_m[G.across] - from_m[G.across]
+    square = along * along + across * across
+    return int(np.sqrt(square) / STEP_M) if square < FAR_M * FAR_M else -1
+
+
+@compiled
+def believe(
+    tables: Outcomes,
+    memory: Memory,
+    count: NDArray[np.int64],
+    place: Array,
+    kind: NDArray[np.int64],
+    crop_gap_m: Array,
+    belief: Belief,
+) -> None:
+    """Write what is believed of the candidates.
+
+    Args:
+        tables: what shots do on average.
+        memory: own shots.
+        count: (B,), the candidates of a world are 0 .. n - 1.
+        place: (B, K, 2), along the row in the world and across.
+        kind: (B, K), reported, see ``Outcomes``.
+        crop_gap_m: (B, K), reported.
+        belief: is written.
+    """
+    slots = place.shape[1]
+    kept = np.empty((slots, MODES))
+    for w in range(len(count)):
+        shots = min(memory.shots[w], MEMORY)
+        for k in range(count[w]):
+            # What own shots have left of each candidate, and what they have left to be killed beside it.
+            for mode in range(MODES):
+                kept[k, mode], belief.own[w, k, mode] = 1.0, 0.0
+            nearest_m = np.inf
+            for s in range(shots):
+                step = step_of(place[w, k], memory.place[w, s])
+                if step >= 0:
+                    nearest_m = min(nearest_m, distance(place[w, k], memory.place[w, s]))
+                    before, of = memory.mode[w, s], memory.kind[w, s]
+                    for mode in range(MODES):
+                        kept[k, mode] *= tables.after[kind[w, k], step, before, mode]
+                        belief.own[w, k, mode] += tables.left[of, step, before, mode]
+            belief.near[w, k] = 0
+            for j in range(count[w]):
+                step = step_of(place[w, k], place[w, j])
+                if j == k or step < 0:
+                    continue
+                belief.near[w, k] |= 1 << j
+                nearest_m = min(nearest_m, distance(place[w, k], place[w, j]))
+                for mode in range(MODES):
+                    belief.beside[w, k, j, mode] = tables.beside[kind[w, j], step, mode]
+                    for before in range(MODES):
+                        belief.after[w, k, j, before, mode] = tables.after[kind[w, j], step, before, mode]
+            crop, near = class_of(CROP_GAPS_M, crop_gap_m[w, k]), class_of(NEIGHBOUR_GAPS_M, nearest_m)
+            for mode in range(MODES):
+                belief.own[w, k, mode] += tables.own[kind[w, k], crop, near, mode] * kept[k, mode]
+                belief.harm[w, k, mode] = tables.harm[crop_step(crop_gap_m[w, k]), mode]
+        for k in range(count[w]):
+            for j in range(count[w]):
+                if belief.near[w, k] >> j & 1:
+                    for mode in range(MODES):
+                        belief.beside[w, k, j, mode] *= kept[j, mode]
+
+
+@compiled
+def distance(from_m: Array, to_m: Array) -> float:
+    """Metres between two places (2,)."""
+    return float(np.hypot(to_m[G.along] - from_m[G.along], to_m[G.across] - from_m[G.across]))
+
+
+@compiled
+def kills(belief: Belief, w: int, candidate: int, mode: int, taken: Taken) -> float:
+    """What a shot is expected to kill after the shots of a sequence."""
+    near = belief.near[w, candidate]
+    killed, done = belief.own[w, candidate, mode], near & taken.used
+    if near == 0:
+        return killed
+    if done:
+        for j in range(belief.near.shape[1]):
+            if done >> j & 1:
+                killed *= belief.after[w, j, candidate, way_of(taken, j), mode]
+    for k in range(belief.near.shape[1]):
+        if near >> k & 1 and not taken.used >> k & 1:
+            more, done = belief.beside[w, candidate, k, mode], belief.near[w, k] & taken.used
+            if done:
+                for j in range(belief.near.shape[1]):
+                    if done >> j & 1:
+                        more *= belief.after[w, j, k, way_of(taken, j), mode]
+            killed += more
+    return killed
+
+
+@compiled
+def kills_now(belief: Belief, count: NDArray[np.int64]) -> Array:
+    """``kills`` (B, K, M) of each shot as the next one."""
+    killed = np.zeros(belief.own.shape)
+    for w in range(len(count)):
+        for k in range(count[w]):
+            for mode in range(MODES):
+                killed[w, k, mode] = kills(belief, w, k, mode, Taken(0, 0, 0))
+    return killed
