@@ -169,8 +169,14 @@ def test_shots_are_remembered_taken_back_and_forgotten():
     assert memory.shots.tolist() == [MEMORY, MEMORY + 1]
     memory.take_back(np.array([0.1 * MEMORY, 99.0]))
     assert memory.shots.tolist() == [MEMORY, MEMORY + 1]
+    # Farther back: another episode.
+    memory.take_back(np.array([0.1 * MEMORY, 98.0]))
+    assert memory.shots.tolist() == [MEMORY, MEMORY + 1]
+    memory.add(np.full(2, 0.1 * MEMORY), np.zeros((2, 2)), np.zeros(2, int), np.ones(2, int), both)
+    memory.take_back(np.array([7.0, 0.05 * MEMORY]))
+    assert memory.shots.tolist() == [MEMORY + 1, 0]
     memory.forget(one)
-    assert memory.shots.tolist() == [0, MEMORY + 1]
+    assert memory.shots.tolist() == [0, 0]
 
 
 def test_asking_twice_changes_no_answer():

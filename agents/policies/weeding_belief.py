@@ -70,7 +70,12 @@ class Memory(NamedTuple):
         self.shots[rows], self.cart_m[rows], self.fired[rows] = 0, np.nan, False
 
     def take_back(self, cart_m: Array) -> None:
-        """Where a decision is asked for again before the cart has moved, the last one was not carried out."""
+        """Compare with where the carts are now.
+
+        Where one has not moved a decision is asked for again: the last one was not carried out. Where one is farther
+        back another episode has begun.
+        """
+        self.forget(cart_m < self.cart_m)
         again = (cart_m == self.cart_m) & self.fired
         self.shots[again] -= 1
         self.fired[again] = False
