@@ -81,7 +81,9 @@ class NetworkPolicy(StatelessPolicy):
         """
         layout, w = self.layout, self._w
         machine, flat = observation["machine"], observation["candidates"]
-        if machine.shape[1:] != (layout.machine,) or flat.shape[1:] != (layout.candidates * layout.features,):
+        # What a scenario adds to the machine's features stands behind those that the network knows.
+        known = machine[..., : layout.machine]
+        if known.shape[1:] != (layout.machine,) or flat.shape[1:] != (layout.candidates * layout.features,):
             raise ValueError(
                 f"machine {machine.shape[1:]} and candidates {flat.shape[1:]} do not fit this policy, made for "
                 f"{layout.machine} and {layout.candidates} x {layout.features} numbers"
@@ -89,13 +91,13 @@ class NetworkPolicy(StatelessPolicy):
         candidates = flat.reshape(-1, layout.candidates, layout.features)
         present = (candidates[..., :1] > 0.0).astype(np.float32)
         code = candidates @ w["encoder.candidate.weight"] + w["encoder.candidate.bias"]
-        code += (machine @ w["encoder.machine.weight"])[:, None]
+        code += (known @ w["encoder.machine.weight"])[:, None]
         code = np.maximum(code, 0.0) @ w["encoder.second.weight"] + w["encoder.second.bias"]
         code = np.maximum(code, 0.0)
         there = code * present
         count = present.sum(axis=1)
         mean = there.sum(axis=1) / np.maximum(count, 1.0)
-        pooled = np.concatenate([mean, there.max(axis=1), machine, count / np.float32(layout.candidates)], axis=1)
+        pooled = np.concatenate([mean, there.max(axis=1), known, count / np.float32(layout.candidates)], axis=1)
         context = np.maximum(pooled @ w["encoder.context.weight"] + w["encoder.context.bias"], 0.0)
         if self.relations:
             code = np.concatenate([code, self._heard(code, present)], axis=2)
@@ -137,12 +139,15 @@ class NetworkPolicy(StatelessPolicy):
     def fitted(self, env: Any) -> NetworkPolicy:
         """The same weights for an environment's number of slots; what was learned of K is kept as it is.
 
+        What the environment shows of its machine beyond what the policy was made for is not looked at.
+
         Raises:
             PolicyFileError: the environment's sizes are others.
         """
-        layout = layout_of(env)
+        found = layout_of(env)
+        layout = replace(found, machine=min(found.machine, self.layout.machine))
         if replace(self.layout, candidates=layout.candidates) != layout:
-            raise PolicyFileError(f"it was made for {self.layout}, this environment has {layout}")
+            raise PolicyFileError(f"it was made for {self.layout}, this environment has {found}")
         if self.layout == layout:
             return self
         return NetworkPolicy(layout, self.hidden, self.weights, self.card, self.name, relations=self.relations)

@@ -10,7 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.weeding.features import ACROSS_SCALE_M, ALONG_SCALE_M, CROP_GAP_SCALE_M, SPEED_SCALE, C, M, candidate_table
+from ...envs.weeding.features import (
+    ACROSS_SCALE_M,
+    ALONG_SCALE_M,
+    CROP_GAP_SCALE_M,
+    ENERGY,
+    SPEED_SCALE,
+    C,
+    M,
+    candidate_table,
+)
 from ...envs.weeding.outcomes import Outcomes, outcomes_of
 from ...envs.weeding.ridges import lift_time
 from ...envs.weeding.timing import A, G, Place, approach, move_time
@@ -19,7 +28,7 @@ from .base import Actions, Observation
 from .search import NOTHING, Step, Taken, search, with_one, within
 from .weeding import AtSpeed, HoldBacklog, ScriptedWeeder
 from .weeding_belief import Belief, Memory, believe, kills, kills_now
-from .weeding_outlook import outlook
+from .weeding_outlook import Thrift, outlook
 
 Array = NDArray[np.float64]
 
@@ -161,8 +170,8 @@ class RecedingHorizon(ScriptedWeeder):
     depth are kept. A sequence is worth what its shots are expected to kill, of their own track and of what is reported
     beside it, less what was swept already by it or by own shots before; plus what serving the other candidates in the
     order of leaving would still bring after it, less the time. The first shot is tried in every mode, later ones in the
-    mode with the highest value less a price for its seconds. Waiting a moment is a sequence too. Only the first shot is
-    fired.
+    mode with the highest value less a price for its seconds; where energy is scarce, a joule costs what makes it last
+    for the rest of the strip. Waiting a moment is a sequence too. Only the first shot is fired.
 
     Attributes:
         believed: (B,), kills that the last decisions are expected to bring.
@@ -194,6 +203,8 @@ class RecedingHorizon(ScriptedWeeder):
         self._depth, self._width, self._budget_ms = depth, width, budget_ms
         tool = self.outlook
         self._tables = outcomes or outcomes_of(config, tool.perception, tool.process)
+        scarce = config.scenario.energy_j > 0.0
+        self._thrift = Thrift.of(self._tables, tool.energy_j) if scarce else None
         self._price = price * config.weights.killed / config.service_s
         self._reserve_s = RESERVE * config.service_s
         self.believed = np.zeros(0)
@@ -260,6 +271,10 @@ class RecedingHorizon(ScriptedWeeder):
         in_world[..., G.along] += cart_m[:, None]
         believe(self._tables, self._memory, count, in_world, kind, crop_gap_m, belief)
         cost = -weights.crop * belief.harm - weights.joules * tool.energy_j
+        if self._thrift is not None:
+            left_j = machine[:, ENERGY] * config.scenario.energy_j
+            price = weights.killed * self._thrift.price_of(left_j, config.scenario.strip_m - cart_m)
+            cost = cost + price[:, None, None] * tool.energy_j
         killed = kills_now(belief, count)
         value = weights.killed * killed - cost
         worth = value - MODE_PRICE * self._price * work_s

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...envs.weeding.outcomes import Outcomes
 from ...envs.weeding.perception import PerceptionModel, uncorrected
 from ...envs.weeding.process import WeedingProcess
 from ...envs.weeding.ridges import Ridges
@@ -21,6 +22,40 @@ from ...envs.weeding.tools.laser.process import LaserProcess
 from ...kernels.elementary import exp
 
 Array = NDArray[np.float64]
+
+
+THRIFTS = np.concatenate([[0.0], np.geomspace(2e-4, 0.05, 63)])
+"""Prices of a joule, in killed weeds, that are tried where energy is scarce."""
+LEAST_M = 0.3
+"""A strip's end is reckoned with as this long."""
+
+
+class Thrift(NamedTuple):
+    """How much energy a metre takes by what a joule costs, descending; shots are fired where they are worth it.
+
+    Attributes:
+        price: (n,), of a joule, in killed weeds, ascending.
+        use_j_per_m: (n,).
+    """
+
+    price: Array
+    use_j_per_m: Array
+
+    @classmethod
+    def of(cls, tables: Outcomes, energy_j: Array) -> Thrift:
+        """From the average shots at what is reported."""
+        share = tables.own_count / tables.own_count.sum()
+        worth = tables.own[..., None, :] - THRIFTS[:, None] * energy_j
+        mode = worth.argmax(axis=-1)
+        spent = np.where(worth.max(axis=-1) > 0.0, energy_j[mode], 0.0)
+        use = tables.per_m[0] * (share[..., None] * spent).sum(axis=(0, 1, 2))
+        return cls(THRIFTS, np.minimum.accumulate(use))
+
+    def price_of(self, left_j: Array, left_m: Array) -> Array:
+        """The lowest price (B,) at which what is left (B,) lasts for the metres that are left (B,)."""
+        affordable = left_j / np.maximum(left_m, LEAST_M)
+        first = np.searchsorted(-self.use_j_per_m, -affordable)
+        return self.price[np.minimum(first, len(self.price) - 1)]
 
 
 class Outlook(NamedTuple):

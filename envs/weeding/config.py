@@ -73,6 +73,8 @@ class ScenarioConfig(Config):
     demanded: float = num(0.0, 0.0, 1.0, "")
     """Share of the weeds that has to die. Kills beyond it are worth nothing, so that what is left to win is time: as
     fast as you like down to the demanded share. 0: every kill counts."""
+    energy_j: float = num(0.0, 0.0, 1e9, "J")
+    """Energy that the tool may spend on a strip: what a battery holds for it. 0: as much as is asked for."""
     max_weeds: int = num(320, 1, 20_000, "")
     """Most weeds of a strip; draws beyond are cut off."""
     drives: DriveErrors = nested(DriveErrors)
@@ -154,6 +156,11 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "field": ScenarioConfig(40.0, 1.25, leaves_count=True, drives=WORN, ground=TILLED),
     "ridged": ScenarioConfig(40.0, 1.25, row_m=0.20, bed=RIDGED),
 }
+BATTERY: dict[str, ScenarioConfig] = {"battery": ScenarioConfig(40.0, 1.25, energy_j=4000.0)}
+"""``load-1.25`` with 4 kJ of light a strip, for a laser that a small robot carries: 1.25 kJ a square metre. A laser of
+a tenth of efficiency takes 40 kJ of a battery for it, so that 1 kWh lasts for 90 strips, 290 m2 [assumed; label doses
+ask for about 9 kJ]."""
+
 """Tiers by offered load at 40 weeds per m2 (an ordinary infestation), clumped unless they say ``even``; ``dense`` has
 100 per m2 on a shorter strip, driven as slowly as its load of 1.0 asks. ``patchy`` is ``load-1.25`` where a quarter of
 the crop did not emerge and weeds stand in patches of metres, as field papers map them, at the same density. ``field``

@@ -21,7 +21,7 @@ from .batch import Batch, stack, unstack
 from .beginning import Looks, begin_tracks, begin_worlds
 from .config import SPECIES, FieldTask
 from .drawing import Strip, draw_plants
-from .features import LIMIT, Candidate, Machine, show_tracks
+from .features import LIMIT, Candidate, Machine, PoweredMachine, show_tracks
 from .field import Profile, WeedField
 from .filling import REAL_M, completed, window
 from .gaps import crop_index, passed
@@ -80,6 +80,9 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         super().__init__(worlds)
         self.config, self.machine, self.process, self.perception = config, machine, process, perception
         scenario, k = config.scenario, config.slots
+        if scenario.energy_j > 0.0:
+            self.blocks = MappingProxyType({**self.blocks, "machine": PoweredMachine})
+            self.machine_features = names(PoweredMachine)
         self.phase_names = (*names(Moving), *names(process.phases), "pause")
         self.score_names = (*names(Common), *(f"phase_{name}_s" for name in self.phase_names), *names(Own))
         self.base_actions = MODES * k + 1

@@ -40,6 +40,19 @@ class Machine(NamedTuple):
     backlog: Annotated[int, Says("", "candidates / slots", 1.0, 0.0, 1.0)]
 
 
+class PoweredMachine(NamedTuple):
+    """``Machine`` where energy is scarce: what stands there, and what is left."""
+
+    place: Annotated[int, Says("m", "arm before the cart's middle / its range", 1.0, -LIMIT, LIMIT)]
+    lean_along: Annotated[int, Says("m", "what the tool leans along the row / its range", 1.0, -LIMIT, LIMIT)]
+    lean_across: Annotated[int, Says("m", "the tool's place across the row / its range", 1.0, -LIMIT, LIMIT)]
+    speed: Annotated[int, Says("m/s", "speed of the cart", SPEED_SCALE, 0.0, LIMIT)]
+    set_speed: Annotated[int, Says("m/s", "commanded speed of the cart", SPEED_SCALE, 0.0, LIMIT)]
+    progress: Annotated[int, Says("", "the cart's position / length of the strip", 1.0, -LIMIT, LIMIT)]
+    backlog: Annotated[int, Says("", "candidates / slots", 1.0, 0.0, 1.0)]
+    energy: Annotated[int, Says("", "energy left / what there was", 1.0, 0.0, 1.0)]
+
+
 class Candidate(NamedTuple):
     """A track; all zero in an empty slot."""
 
@@ -59,6 +72,9 @@ class Candidate(NamedTuple):
 
 
 M, C = numbered(Machine), numbered(Candidate)
+ENERGY = numbered(PoweredMachine).energy
+"""Place of the energy that is left, behind all of ``Machine``."""
+assert PoweredMachine._fields == (*Machine._fields, "energy")
 
 candidate_table = table_of(Candidate)
 """Candidates (..., K, F) of an observation, one column a name of ``Candidate``."""

@@ -67,6 +67,7 @@ class Outcomes(NamedTuple):
         left: (kinds, steps, own modes, modes), kills of a shot so far away among what a shot at the track has left.
         harm: (crop steps, modes), crop plants that die.
         harm_count: (crop steps,).
+        per_m: (1,), reports a metre.
     """
 
     own: Array
@@ -77,6 +78,7 @@ class Outcomes(NamedTuple):
     left: Array
     harm: Array
     harm_count: Array
+    per_m: Array
 
 
 class Sums(NamedTuple):
@@ -258,11 +260,11 @@ def measured(config: FieldTask, perception: PerceptionModel, process: WeedingPro
         uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, lengths)
         plants = draw_plants(strip, uniform, normal)
         tally(process.work, process.response, plants, draw_tracks(cameras, plants, camera_uniform, camera_normal), sums)
-    return averaged(sums)
+    return averaged(sums, strips * scenario.strip_m)
 
 
-def averaged(sums: Sums) -> Outcomes:
-    """Means of what was added up."""
+def averaged(sums: Sums, strip_m: float) -> Outcomes:
+    """Means of what was added up on so many metres."""
     totals = Sums(*(values[0] for values in sums))
     kinds = totals.own.sum(axis=(1, 2)) / np.maximum(totals.own_count.sum(axis=(1, 2)), 1.0)[:, None]
     own = (totals.own + _TRUST * kinds[:, None, None]) / (totals.own_count[..., None] + _TRUST)
@@ -279,13 +281,14 @@ def averaged(sums: Sums) -> Outcomes:
         totals.left / pairs[..., None, None],
         harm,
         totals.harm_count,
+        np.array([totals.own_count.sum() / strip_m]),
     )
 
 
 def key_of(config: FieldTask, perception: PerceptionModel, process: WeedingProcess) -> str:
     """Digest of everything that tables depend on, 16 digits."""
     scenario = plain(config.scenario)
-    for name in ("offered_load", "demanded", "leaves_count", "leaf_radius_m", "drives", "ground", "name"):
+    for name in ("offered_load", "demanded", "leaves_count", "leaf_radius_m", "energy_j", "drives", "ground", "name"):
         scenario.pop(name, None)
     told = [scenario, config.cart.unseen_m, plain(perception), process.work, process.response]
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]

@@ -35,12 +35,19 @@ def approach_slot(tables: Tables, arm: Any, worlds: Worlds, w: int, slot: int, m
 
 
 @compiled
+def powered(tables: Tables, worlds: Worlds, w: int, mode: int) -> bool:
+    """Whether there is energy left for a work in a mode."""
+    return worlds.totals[w, T.joules] + tables.energy_j[mode] <= tables.budget_j
+
+
+@compiled
 def legal_option(tables: Tables, arm: Any, worlds: Worlds, w: int, option: int) -> bool:
     """Whether a shot, an action of the first block, is possible now in one world."""
     slot = option // MODES
     if slot >= worlds.slot_track.shape[1] or worlds.slot_track[w, slot] == worlds.track_real.shape[1] - 1:
         return False
-    return approach_slot(tables, arm, worlds, w, slot, option % MODES).legal
+    mode = option % MODES
+    return powered(tables, worlds, w, mode) and approach_slot(tables, arm, worlds, w, slot, mode).legal
 
 
 @compiled

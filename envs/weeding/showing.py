@@ -11,8 +11,8 @@ from ...kernels import compiled
 from ...kernels.nearness import want
 from ..core import Array
 from ..kernel_core import book
-from .features import ALONG_SCALE_M, LEAVES_SCALE_S, LIMIT, SPEED_SCALE, TIME_SCALE_S, C, M
-from .rules import AHEAD, apply_worlds, plan_worlds
+from .features import ALONG_SCALE_M, ENERGY, LEAVES_SCALE_S, LIMIT, SPEED_SCALE, TIME_SCALE_S, C, M
+from .rules import AHEAD, apply_worlds, plan_worlds, powered
 from .state import MODES, OWN, S, T, Tables, Worlds
 from .timing import A, G, Place, approach
 
@@ -67,14 +67,16 @@ def observe_worlds(
             ahead = along_m[k] - cart
             candidates[w, column + C.along] = held(ahead / ALONG_SCALE_M)
             candidates[w, column + C.leaves] = held((ahead + tables.exit_m) / (speed * LEAVES_SCALE_S))
+        if machine.shape[1] > ENERGY:
+            machine[w, ENERGY] = held((tables.budget_j - worlds.totals[w, T.joules]) / tables.budget_j)
         for column in range(present * len(C), candidates.shape[1]):
             candidates[w, column] = 0.0
         # What a mode shares in all slots is worked out once: the loop over the slots is the inner one.
         for mode in range(MODES):
-            stand_s = float(tables.stand_s[mode])
+            stand_s, enough = float(tables.stand_s[mode]), powered(tables, worlds, w, mode)
             for k in range(present):
                 way = approach(arm, stand_s, place, cart, speed, along_m[k], across_m[k])
-                mask[w, MODES * k + mode] = way.legal
+                mask[w, MODES * k + mode] = enough and way.legal
                 if mode == NORMAL:
                     candidates[w, k * len(C) + C.move] = held(way.move_s / TIME_SCALE_S)
                     candidates[w, k * len(C) + C.wait] = held(way.wait_s / TIME_SCALE_S)

@@ -132,6 +132,7 @@ class Tables(NamedTuple):
         shape: of frame and tool on ground that is not level.
         demanded: share of the weeds beyond which kills are worth nothing, 0 where all count.
         leaf_m: how far a crop plant's leaves reach.
+        budget_j: energy that all works may take, infinite where it is not scarce.
     """
 
     work_s: Array
@@ -160,6 +161,7 @@ class Tables(NamedTuple):
     shape: Shape
     demanded: float
     leaf_m: float
+    budget_j: float
 
 
 class Worlds(NamedTuple):
@@ -274,6 +276,7 @@ def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: flo
         shape=shape_of(config),
         demanded=float(scenario.demanded),
         leaf_m=float(scenario.leaf_m),
+        budget_j=float(scenario.energy_j) if scenario.energy_j > 0.0 else np.inf,
     )
 
 

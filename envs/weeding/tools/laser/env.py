@@ -9,7 +9,7 @@ from ....assembly import Assembly
 from ....references import later
 from ....single import TaskEnv
 from ....vector import TaskVectorEnv
-from ...config import DEMANDS, SCENARIOS
+from ...config import BATTERY, DEMANDS, SCENARIOS
 from ...core import WeederOutcome, WeedingCore
 from ...perception import PerceptionModel
 from ...ridges import Ridges
@@ -40,7 +40,7 @@ DECISION_S = {
 """Seconds that a decision takes on average, by scenario [30 episodes of the reference policy]."""
 LASER: Assembly[Any] = Assembly(
     config=WeedingConfig,
-    scenarios=SCENARIOS,
+    scenarios={**SCENARIOS, **BATTERY},
     core=laser_core,
     perfect=lambda config: PerceptionModel.perfect(),
     measured=lambda config: PerceptionModel.measured(),
@@ -93,7 +93,8 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
     Args:
         scenario: tiers by offered load: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` (40 weeds per
             m2, clumped), ``"load-1.0-even"``, ``"load-1.6-even"``, ``"dense"`` (100 per m2 at load 1), ``"field"`` (a
-            worn machine on ground that shakes, at load 1.25), ``"ridged"`` (twin rows on ridges, at load 1.25).
+            worn machine on ground that shakes, at load 1.25), ``"ridged"`` (twin rows on ridges, at load 1.25),
+            ``"battery"`` (4 kJ of light a strip, at load 1.25; ``machine`` shows an eighth number, what is left of it).
         backend: ``"pybullet"`` drives the closed-loop machine on a moving cart, ``"analytic"`` computes its motion.
         perception: ``"camera"`` renders and segments images of both cameras, ``"model"`` draws from statistics measured
             on such images, ``"perfect"`` reports every weed where it is. Default: camera with PyBullet, model with the
