@@ -9,12 +9,12 @@ import numpy as np
 
 from ..envs.weeding.core import WeederOutcome
 from ..envs.weeding.process import dose
-from ..envs.weeding.state import CROP_KIND, MODES, PAD, N
+from ..envs.weeding.state import CROP_KIND, MODES, PAD, N, T
 from ..envs.weeding.timing import G, Place, approach
 
 
 def tended(core: Any, urgency: float) -> tuple[float, float]:
-    """Weeds killed and return of one episode: of the shots that kill, always the one that is done soonest.
+    """What the weeds killed count, and the return: of the shots that kill, always the one that is done soonest.
 
     Args:
         core: the rules of one world right after a reset; they stay as they are.
@@ -46,8 +46,7 @@ def tended(core: Any, urgency: float) -> tuple[float, float]:
         result = core.apply(plan, WeederOutcome(plan.phases_s, plan.aim))
         total += float(result.rewards.sum())
         over = bool(result.terminated[0] or result.truncated[0])
-    killed = dict(zip(core.score_names, core.scores()[0].tolist(), strict=True))["done"]
-    return float(killed), total
+    return float(core.state.totals[0, T.worth]), total
 
 
 def _kill(state: Any, work: Any, track: int) -> tuple[int, int]:

@@ -43,6 +43,8 @@ class Shots(NamedTuple):
         share_weed: (C,), weed that is served, counted among those that can be killed.
         share: (C,).
         weeds: how many can be killed.
+        worth: (weeds,), what each counts.
+        energy_j: (J,).
     """
 
     told_m: Array
@@ -54,6 +56,8 @@ class Shots(NamedTuple):
     share_weed: Numbers
     share: Array
     weeds: int
+    worth: Array
+    energy_j: Array
 
     def option_of_share(self) -> Numbers:
         """Option (C,) of every share."""
@@ -78,11 +82,12 @@ class _Option(NamedTuple):
     slack_m: float
     stand_s: float
     cost: float
+    energy_j: float
     shares: dict[int, float]
 
 
-def _shots(options: list[_Option]) -> Shots:
-    """In the order along the row, with the weeds that can be killed counted anew."""
+def _shots(options: list[_Option], worth: Array) -> Shots:
+    """In the order along the row, with the weeds that can be killed counted anew; ``worth`` is that of all weeds."""
     options = sorted(options, key=lambda option: float(option.told[G.along]))
     weeds = sorted({weed for option in options for weed in option.shares})
     index = {weed: i for i, weed in enumerate(weeds)}
@@ -97,6 +102,8 @@ def _shots(options: list[_Option]) -> Shots:
         share_weed=np.array([index[weed] for option in options for weed in option.shares], np.int64),
         share=np.array([share for option in options for share in option.shares.values()], float),
         weeds=len(weeds),
+        worth=worth[weeds] if weeds else np.zeros(0),
+        energy_j=np.array([option.energy_j for option in options], float),
     )
 
 
@@ -160,12 +167,13 @@ def drawn_shots(core: Any, row: int, stray_m: float = 0.0) -> Shots:
                 0.0,
                 float(tables.stand_s[mode]),
                 energy_price * float(tables.energy_j[mode]) + crop_cost[track, mode],
+                float(tables.energy_j[mode]),
                 shares.get((track, mode), {}),
             )
             for mode in range(MODES)
         ]
         options += _undominated(ways)
-    return _shots(options)
+    return _shots(options, state.plant_worth[row])
 
 
 def _shares(by_track: dict[int, Array], tolerance: float) -> dict[tuple[int, int], float]:
@@ -215,12 +223,13 @@ def any_shots(core: Any, row: int) -> Shots:
                     slack,
                     float(stand[mode]),
                     energy_price * float(tables.energy_j[mode]),
+                    float(tables.energy_j[mode]),
                     {int(j): float(share[j, mode]) for j in near},
                 )
                 for mode in range(MODES)
             ]
         )
-    return _shots(options)
+    return _shots(options, state.plant_worth[row, weeds])
 
 
 def _influence_m(work: Any, kind: int, least: float) -> float:

@@ -32,6 +32,8 @@ SECONDS = 30.0
 """Most wall seconds for either of the two searches; the number of steps ends them long before, so that a bound is the
 same wherever it is reckoned."""
 ROUNDS, FEW_ROUNDS = 40, 6
+THRIFTS = (0.0, 0.004, 0.008, 0.012, 0.016)
+"""Prices of a joule, in killed weeds, that are tried where energy is scarce: each gives a bound."""
 URGENCIES = (0.3, 1.0)
 """Of the schedules that are carried out to see how near the bound can be reached."""
 
@@ -47,6 +49,7 @@ class WeedingInstance:
         move_s: (J,), no way to an option is shorter.
         drawn: whether the tracks are known, not only the weeds.
         weeds: true weeds of the strip.
+        worth: what they count.
         cart_m: position of the cart in the beginning.
         least_s: no episode is shorter.
         core: the rules, as they were reset, for a schedule to be carried out; None where reports are not drawn.
@@ -60,6 +63,7 @@ class WeedingInstance:
     move_s: Array
     drawn: bool
     weeds: int
+    worth: float
     cart_m: float
     least_s: float
     core: Any
@@ -84,9 +88,11 @@ class WeedingInstance:
         else:
             kills, value = self._priced(found_n, found_v, time_limit_s)
             words = "paths in a time-expanded graph, weeds priced"
-        kills = math.floor(min(kills, self.shots.weeds) + 1e-6)
+        kills = min(kills, float(self.shots.worth.sum()))
+        if (self.shots.worth == 1.0).all():
+            kills = math.floor(kills + 1e-6)
         gap = max(relative_gap(kills, found_n), relative_gap(value, found_v)) if self.core is not None else math.nan
-        net_rate = kills / max(self.weeds, 1)
+        net_rate = kills / (self.worth or 1.0)
         cycle_s = self.cycle_time_at(net_rate)
         return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", gap == 0.0, gap, time.perf_counter() - began)
 
@@ -96,7 +102,10 @@ class WeedingInstance:
         Before the n-th weed dies the work and the ways that n weeds take at least are done, and n weeds have come in.
         """
         shots = self.shots
-        least = max(math.ceil(net_rate * self.weeds - 1e-9), 1 if shots.weeds else 0)
+        # The weeds that count most are the fewest that make up a net rate.
+        heaviest = np.cumsum(np.sort(shots.worth)[::-1])
+        least = int(np.searchsorted(heaviest, net_rate * self.worth - 1e-9)) + 1 if net_rate * self.worth > 1e-9 else 0
+        least = max(least, 1 if shots.weeds else 0)
         if least > shots.weeds:
             return math.inf
         if not least:
@@ -143,18 +152,26 @@ class WeedingInstance:
         graph = Timeline(first, to, option, wait, end_s, start, share_first, shots.share_weed, shots.share)
         each = shots.option_of_share()
         guess = shots.least((shots.stand_s + self.move_s)[each] / shots.share)
-        one = np.ones(shots.weeds)
-        nothing, cost = np.zeros(len(shots.cost) + 1), np.append(shots.cost, 0.0)
+        cost = np.append(shots.cost, 0.0)
         # With any reports nearly everything can be killed: there is little to search for.
         rounds = ROUNDS if self.drawn else FEW_ROUNDS
         no_end = np.zeros(len(end_s))
-        kills = priced(graph, one, nothing, no_end, guess, rounds=rounds, found=found_n, time_limit_s=seconds)
         end = -second * np.maximum(end_s, self.least_s)
         # Where time is not short a weed's price is what its shot costs.
         begin = shots.least(shots.cost[each] / shots.share)
-        gain = one * weights.killed
-        value = priced(graph, gain, cost, end, guess, rounds=rounds, found=found_v, time_limit_s=seconds, begin=begin)
-        return kills.bound, value.bound
+        gain = shots.worth * weights.killed
+        energy, scarce_j = np.append(shots.energy_j, 0.0), float(config.scenario.energy_j)
+        most_n = most_v = math.inf
+        # Nobody may spend more than there is: at any price of a joule a schedule pays at most for all of it.
+        for price in THRIFTS if scarce_j > 0.0 else (0.0,):
+            spent, all_j = price * energy, price * scarce_j
+            lowest, limits = found_n - all_j, {"rounds": rounds, "time_limit_s": seconds}
+            kills = priced(graph, shots.worth, spent, no_end, guess, found=lowest, **limits)
+            most_n = min(most_n, kills.bound + all_j)
+            spent, all_j = weights.killed * spent, weights.killed * all_j
+            value = priced(graph, gain, cost + spent, end, guess, found=found_v - all_j, begin=begin, **limits)
+            most_v = min(most_v, value.bound + all_j)
+        return most_n, most_v
 
     def _times_s(self) -> Array:
         """Least work and way (weeds,) of each weed where the speed is free."""
@@ -168,7 +185,8 @@ class WeedingInstance:
         """Weeds that can be killed in the time allowed; the last decision may run over."""
         longest = self.longest_s + late_s(self.arm)
         spent = np.cumsum(np.sort(self._times_s())) - self._first_s()
-        return float(np.count_nonzero(spent <= self.config.time_limit_s + longest))
+        count = np.count_nonzero(spent <= self.config.time_limit_s + longest)
+        return float(np.sort(self.shots.worth)[::-1][:count].sum())
 
     def _largest_return(self) -> float:
         """Bound on the return with a free speed: time is paid for as work or as the strip's length, part by part."""
@@ -177,7 +195,7 @@ class WeedingInstance:
         best = math.inf
         for part in np.linspace(0.0, 1.0, 11):
             each = shots.least_split(shots.cost + second * part * (shots.stand_s + self.move_s))
-            value = float(np.maximum(weights.killed - each, 0.0).sum())
+            value = float(np.maximum(weights.killed * shots.worth - each, 0.0).sum())
             best = min(best, value + second * (part * self._first_s() - (1.0 - part) * self.least_s))
         return best
 
@@ -238,6 +256,7 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInsta
         move_s=moves,
         drawn=reports != "any",
         weeds=int(state.weeds[row]),
+        worth=float(state.worth[row]),
         cart_m=cart,
         least_s=max(least_s, 0.0),
         core=core if reports == "drawn" and core.worlds == 1 else None,

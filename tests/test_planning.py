@@ -102,7 +102,7 @@ def test_the_most_candidates_are_kept_apart():
 
 def test_numbers_that_nothing_is_bound_to_are_refused():
     with pytest.raises(KeyError):
-        planning.extend((1.0,), 0, 0.0, 0.0, 0.0, 0.0, 0, 0, True)
+        planning.extend((1.0,), 0, 0.0, 0.0, 0.0, 0.0, 0, 0, Taken(0, 0, 0), True)
 
 
 def test_a_sequence_knows_in_which_way_it_did_what():

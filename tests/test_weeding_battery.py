@@ -1,5 +1,7 @@
 """Where energy is scarce: what is spent, what is shown of it, and a planner that makes it last."""
 
+from typing import Any
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from fieldgym.kernels.seeds import TUNED
 ID = "fieldgym/LaserWeeding-v0"
 
 
-def battery(energy_j: float = 4000.0):
+def battery(energy_j: float = 4000.0) -> Any:
     return gym.make(
         ID, scenario="battery", backend="analytic", perception="model", overrides={"scenario.energy_j": energy_j}
     )
@@ -59,7 +61,7 @@ def test_what_cannot_be_paid_is_an_illegal_action():
 
 
 def test_only_where_energy_is_scarce_it_is_shown():
-    plenty = gym.make(ID, scenario="load-1.25", backend="analytic", perception="model")
+    plenty: Any = gym.make(ID, scenario="load-1.25", backend="analytic", perception="model")
     names = plenty.unwrapped.core.machine_features
     assert battery().unwrapped.core.machine_features == (*names, "energy")
     assert list(battery().unwrapped.core.meanings()["machine"]) == [*names, "energy"]
@@ -84,14 +86,15 @@ def test_a_joule_costs_what_makes_energy_last():
 
 def test_a_planner_that_saves_energy_kills_more_than_one_that_takes_what_comes():
     def rate(name):
-        seeds, settings = TUNED.take(8, 50), {"scenario": "battery", "perception": "model"}
+        seeds, settings = TUNED.take(8, 50), dict[str, Any](scenario="battery", perception="model")
         return 100.0 * evaluate(lambda env: make_policy(name, env), ID, seeds, **settings).scorecard["net_rate"]
 
     assert (rate("receding-horizon") - rate("fifo")).mean() > 10.0
 
 
 def test_a_network_that_knows_of_no_energy_decides_without_looking_at_it():
-    env, plenty = battery(), gym.make(ID, scenario="load-1.25", backend="analytic", perception="model")
+    env: Any = battery()
+    plenty: Any = gym.make(ID, scenario="load-1.25", backend="analytic", perception="model")
     with pytest.warns(UserWarning, match="was trained on load-1.25"):
         policy = make_policy("learned", env)
     (scarce, _), (free, _) = env.reset(seed=2), plenty.reset(seed=2)

@@ -45,7 +45,6 @@ def test_kills_beyond_the_demand_are_worth_nothing():
     assert counted_kills(tables_, 100.0, 95.0, 2.0) == 0.0
     assert counted_kills(tables_, 100.0, 50.0, 2.0) == 2.0
     assert counted_kills(tables_, 101.0, 91.0, 1.0) == 1.0  # 90.9 are met by the 91st
-    assert counted_kills(tables_._replace(demanded=0.0), 10.0, 10.0, 4.0) == 4.0
 
 
 def test_only_a_chosen_speed_knows_demands():

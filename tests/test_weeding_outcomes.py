@@ -1,11 +1,12 @@
 """What planners of weeding believe: tables against recomputed kills, own shots remembered, beliefs that hold."""
 
+from typing import Any
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
 import fieldgym  # noqa: F401
-from fieldgym.agents import make_policy
 from fieldgym.agents.policies.search import Taken
 from fieldgym.agents.policies.weeding_belief import MEMORY, Belief, Memory, believe, kills, kills_now
 from fieldgym.agents.policies.weeding_horizon import RecedingHorizon
@@ -38,7 +39,7 @@ def test_kills_are_counted_once_and_as_the_response_says(env_id):
     """Own ones and those beside a track add up to what every shot kills, recomputed plant by plant."""
     tool, batch = drawn(env_id, 2)
     plants, tracks, sums = batch.plants, batch.tracks, allocated(Sums, 1, **SIZES)
-    tally(tool.process.work, tool.process.response, plants, tracks, sums)
+    tally(tool.process.work, tool.process.response, np.ones((2, 3)), plants, tracks, sums)
     total, lost = np.zeros(3), np.zeros(3)
     for r, count in enumerate(tracks.count):
         there = plants.exists[r]
@@ -75,7 +76,7 @@ def test_a_second_shot_kills_what_the_first_has_left():
     tracks.aim[0, 1] += [0.012, 0.0]
     tracks.species[0, :2], tracks.stage[0, :2] = 0, 1
     sums = allocated(Sums, 1, **SIZES)
-    tally(tool.process.work, response, plants, tracks, sums)
+    tally(tool.process.work, response, np.ones((2, 3)), plants, tracks, sums)
     kind = int(plants.species[0, 0]), int(plants.stage[0, 0])
     own = [_dose(tool, mode, np.zeros(2), kind[1]) for mode in range(3)]
     other = [_dose(tool, mode, np.array([-0.012, 0.0]), kind[1]) for mode in range(3)]
@@ -180,8 +181,8 @@ def test_shots_are_remembered_taken_back_and_forgotten():
 
 
 def test_asking_twice_changes_no_answer():
-    env = gym.make("fieldgym/HoeWeeding-v0", scenario="load-1.25", backend="analytic", perception="model")
-    once, twice = (make_policy("receding-horizon", env) for _ in range(2))
+    env: Any = gym.make("fieldgym/HoeWeeding-v0", scenario="load-1.25", backend="analytic", perception="model")
+    once, twice = RecedingHorizon.make(env, 0), RecedingHorizon.make(env, 0)
     observation, _ = env.reset(seed=3)
     for _ in range(60):
         batch = {name: values[None] for name, values in observation.items()}
@@ -194,8 +195,8 @@ def test_asking_twice_changes_no_answer():
 
 def test_a_planner_reckons_with_the_cameras_that_there_are():
     def tables(**settings):
-        env = gym.make("fieldgym/HoeWeeding-v0", scenario="load-1.25", backend="analytic", **settings)
-        return make_policy("receding-horizon", env)._tables
+        env: Any = gym.make("fieldgym/HoeWeeding-v0", scenario="load-1.25", backend="analytic", **settings)
+        return RecedingHorizon.make(env, 0)._tables
 
     seen, perfect = tables(perception="model"), tables(perception="perfect")
     assert perfect.own[1, 3, 5, 2] > seen.own[1, 3, 5, 2]
@@ -203,7 +204,7 @@ def test_a_planner_reckons_with_the_cameras_that_there_are():
 
 
 def test_a_budget_is_kept_to_by_the_narrowest_search():
-    env = gym.make("fieldgym/HoeWeeding-v0", scenario="load-1.25", backend="analytic", perception="model")
+    env: Any = gym.make("fieldgym/HoeWeeding-v0", scenario="load-1.25", backend="analytic", perception="model")
     observation, _ = env.reset(seed=3)
     batch = {name: values[None] for name, values in observation.items()}
     config = env.unwrapped.core.config

@@ -50,7 +50,7 @@ def begin_worlds(
         worlds.weeds[w], worlds.crops_in_strip[w] = 0.0, 0.0
         fill(worlds.plant_dose[w], 0.0)
         fill(worlds.leaf_lost[w], 0.0)
-        put_weeds(response, worlds, looks, w, plants, r)
+        put_weeds(tables, response, worlds, looks, w, plants, r)
         put_crops(tables, response, worlds, looks, w, plants, r)
         looks.ground[w] = plants.ground_look[r]
         fill(worlds.totals[w], 0.0)
@@ -64,21 +64,23 @@ def begin_worlds(
 
 
 @compiled
-def put_weeds(response: Response, worlds: Worlds, looks: Looks, w: int, plants: Plants, r: int) -> None:
+def put_weeds(tables: Tables, response: Response, worlds: Worlds, looks: Looks, w: int, plants: Plants, r: int) -> None:
     """Put the weeds of the batch's world ``r``, and their empty places, into the world ``w``."""
     place, kind, limit = worlds.plant[w, PAD:], worlds.plant_kind[w, PAD:], worlds.plant_tolerance[w, PAD:]
     there, what, look = looks.exists[w, PAD:], looks.species[w, PAD:], looks.look[w, PAD:]
+    counts = worlds.plant_worth[w, PAD:]
     weed, exists, luck = plants.weed[r], plants.exists[r], plants.luck[r]
-    count = 0.0
+    count, worth = 0.0, 0.0
     for i in range(len(exists)):
         place[i, G.along], place[i, G.across] = weed[i, G.along], weed[i, G.across]
         species, stage = plants.species[r, i], plants.stage[r, i]
         there[i], what[i], look[i] = exists[i], species, plants.look[r, i]
-        kind[i], limit[i] = stage, np.inf
+        kind[i], limit[i], counts[i] = stage, np.inf, tables.worth[species, stage]
         if exists[i]:
             count += 1.0
+            worth += counts[i]
             limit[i] = tolerance(response, species, stage, luck[i])
-    worlds.weeds[w] = count
+    worlds.weeds[w], worlds.worth[w] = count, worth
 
 
 @compiled

@@ -28,6 +28,10 @@ SPEEDS_M_S = (0.001, 3.0)
 """A scenario's own speed lies between these."""
 
 
+EVEN = (1.0, 1.0, 1.0), (1.0, 1.0, 1.0)
+"""Every weed counts as one."""
+
+
 @dataclass(frozen=True)
 class ScenarioConfig(Config):
     """One kind of field and the cart's speed over it. Lengths in metres."""
@@ -73,6 +77,8 @@ class ScenarioConfig(Config):
     demanded: float = num(0.0, 0.0, 1.0, "")
     """Share of the weeds that has to die. Kills beyond it are worth nothing, so that what is left to win is time: as
     fast as you like down to the demanded share. 0: every kill counts."""
+    worth: tuple[tuple[float, float, float], tuple[float, float, float]] = num(EVEN, 0.0, 100.0, "")
+    """What a weed counts by species (broadleaf, grass) and stage, in reward and net rate."""
     energy_j: float = num(0.0, 0.0, 1e9, "J")
     """Energy that the tool may spend on a strip: what a battery holds for it. 0: as much as is asked for."""
     max_weeds: int = num(320, 1, 20_000, "")
@@ -88,6 +94,8 @@ class ScenarioConfig(Config):
         """Hold shares to their sum, and the room to what grows."""
         if abs(sum(self.stage_shares) - 1.0) > 1e-9:
             self.refuse("stage_shares", "give shares that add up to 1")
+        if self.demanded > 0.0 and self.worth != EVEN:
+            self.refuse("worth", "a share of the weeds is demanded by number: give 1 for every kind")
         if self.bed.ridge_m > 0.0 and self.bed.rows > 1 and self.bed.ridge_width_m > self.row_m:
             self.refuse("bed.ridge_width_m", f"ridges would overlap, give at most row_m = {self.row_m:g} m")
         outermost_m = max(abs(across) for across in self.rows_m)
@@ -156,6 +164,13 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "field": ScenarioConfig(40.0, 1.25, leaves_count=True, drives=WORN, ground=TILLED),
     "ridged": ScenarioConfig(40.0, 1.25, row_m=0.20, bed=RIDGED),
 }
+WORTH: dict[str, ScenarioConfig] = {
+    "worth": ScenarioConfig(40.0, 1.25, worth=((0.3, 1.0, 3.0), (0.3, 1.0, 3.0))),
+}
+"""``load-1.25`` where a weed counts by what it would take from the crop: those that emerged before the crop's first
+leaves, which stand at four leaves by now, three times what those at two leaves do, and seedlings that come with the
+next flush a third [assumed; that yield loss falls steeply with the weeds' relative time of emergence is published:
+Cousens et al. 1987, Kropff and Spitters 1991]."""
 BATTERY: dict[str, ScenarioConfig] = {"battery": ScenarioConfig(40.0, 1.25, energy_j=4000.0)}
 """``load-1.25`` with 4 kJ of light a strip, for a laser that a small robot carries: 1.25 kJ a square metre. A laser of
 a tenth of efficiency takes 40 kJ of a battery for it, so that 1 kWh lasts for 90 strips, 290 m2 [assumed; label doses

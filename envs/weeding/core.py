@@ -81,7 +81,7 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         self.config, self.machine, self.process, self.perception = config, machine, process, perception
         scenario, k = config.scenario, config.slots
         if scenario.energy_j > 0.0:
-            self.blocks = MappingProxyType({**self.blocks, "machine": PoweredMachine})
+            self.blocks = {**self.blocks, "machine": PoweredMachine}
             self.machine_features = names(PoweredMachine)
         self.phase_names = (*names(Moving), *names(process.phases), "pause")
         self.score_names = (*names(Common), *(f"phase_{name}_s" for name in self.phase_names), *names(Own))

@@ -5,7 +5,7 @@ is hit too. How often what dies is measured here on drawn strips, with the stati
 the mean is taken (its tolerance is logistic, see ``response``), of places, kinds and recall a sample.
 
 Every weed *belongs* to the nearest report, so that what a shot kills is counted once: what belongs to its own track or
-to none is its own, the rest is beside it.
+to none is its own, the rest is beside it. A kill is what the weed counts, see ``ScenarioConfig.worth``.
 """
 
 from __future__ import annotations
@@ -146,8 +146,11 @@ def belongs(plants: Plants, tracks: Tracks, r: int, weeds: int, owner: NDArray[n
 
 
 @compiled
-def tally(work: Any, response: Response, plants: Plants, tracks: Tracks, sums: Sums) -> None:
-    """Add what shots at all tracks of R worlds would do, each by itself and after one at a neighbour."""
+def tally(work: Any, response: Response, worth: Array, plants: Plants, tracks: Tracks, sums: Sums) -> None:
+    """Add what shots at all tracks of R worlds would do, each by itself and after one at a neighbour.
+
+    ``worth`` (species, stage) is what weeds count.
+    """
     room = plants.exists.shape[1]
     owner, first, second = np.empty(room, np.int64), np.empty(MODES), np.empty(MODES)
     for r in range(len(tracks.count)):
@@ -196,20 +199,21 @@ def tally(work: Any, response: Response, plants: Plants, tracks: Tracks, sums: S
                     )
                 for mode in range(MODES):
                     first[mode] = dose(work, mode, along, across, stage)
-                    killed = share_killed(response, species, stage, first[mode])
+                    killed = worth[species, stage] * share_killed(response, species, stage, first[mode])
                     if j < 0 or j == k or apart_m >= FAR_M:
                         sums.own[0, kind, crop, near, mode] += killed
                     else:
                         of = 3 * tracks.species[r, j] + tracks.stage[r, j]
                         sums.beside[0, of, int(apart_m / STEP_M), mode] += killed
                 if j == k:
-                    both(work, response, plants, tracks, r, k, i, first, second, sums)
+                    both(work, response, worth[species, stage], plants, tracks, r, k, i, first, second, sums)
 
 
 @compiled
 def both(
     work: Any,
     response: Response,
+    worth: float,
     plants: Plants,
     tracks: Tracks,
     r: int,
@@ -221,7 +225,7 @@ def both(
 ) -> None:
     """Add what a shot at track ``k`` and one at each of its neighbours do to weed ``i``, which belongs to ``k``.
 
-    ``own`` (M,) holds the doses of the first, ``other`` is written.
+    ``own`` (M,) holds the doses of the first, ``other`` is written; ``worth`` is what the weed counts.
     """
     species, stage = plants.species[r, i], plants.stage[r, i]
     kind = 3 * tracks.species[r, k] + tracks.stage[r, k]
@@ -239,14 +243,14 @@ def both(
         for mode in range(MODES):
             other[mode] = dose(work, mode, along, across, stage) if within else 0.0
         for mode in range(MODES):
-            sums.alone[0, kind, step, mode] += share_killed(response, species, stage, own[mode])
+            sums.alone[0, kind, step, mode] += worth * share_killed(response, species, stage, own[mode])
             for before in range(MODES):
-                together = share_killed(response, species, stage, other[before] + own[mode])
-                sums.after[0, kind, step, before, mode] += together - share_killed(
-                    response, species, stage, other[before]
-                )
-                together = share_killed(response, species, stage, own[before] + other[mode])
-                sums.left[0, kind, step, before, mode] += together - share_killed(response, species, stage, own[before])
+                gone = share_killed(response, species, stage, other[before])
+                more = share_killed(response, species, stage, other[before] + own[mode]) - gone
+                sums.after[0, kind, step, before, mode] += worth * more
+                gone = share_killed(response, species, stage, own[before])
+                more = share_killed(response, species, stage, own[before] + other[mode]) - gone
+                sums.left[0, kind, step, before, mode] += worth * more
 
 
 def measured(config: FieldTask, perception: PerceptionModel, process: WeedingProcess, strips: int = STRIPS) -> Outcomes:
@@ -254,12 +258,14 @@ def measured(config: FieldTask, perception: PerceptionModel, process: WeedingPro
     scenario = config.scenario
     strip, cameras = Strip.of(scenario), Cameras.of(scenario, config.cart, perception)
     lengths = (*strip.random_numbers, *cameras.random_numbers(scenario.max_weeds))
+    worth = np.array(scenario.worth, float)
     sums, seeds = allocated(Sums, 1, **SIZES), OUTCOMES.take(strips)
     for begin in range(0, strips, _TOGETHER):
         generators = [np.random.default_rng(seed) for seed in seeds[begin : begin + _TOGETHER]]
         uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, lengths)
         plants = draw_plants(strip, uniform, normal)
-        tally(process.work, process.response, plants, draw_tracks(cameras, plants, camera_uniform, camera_normal), sums)
+        tracks = draw_tracks(cameras, plants, camera_uniform, camera_normal)
+        tally(process.work, process.response, worth, plants, tracks, sums)
     return averaged(sums, strips * scenario.strip_m)
 
 

@@ -134,8 +134,10 @@ def apply_worlds(
             along, across, share = hit[w, G.along], hit[w, G.across], 1.0
             if worlds.surface.shape[1] > 0:
                 share = deeper(tables, worlds, w, plan.speed[w], phases_s[w], kind, along, across)
-            killed, crops, leaves = treat(tables, work, worlds, w, kind, plan.track[w], along, across, share)
-            counted = counted_kills(tables, worlds.weeds[w], totals[T.killed], killed)
+            killed, worth, crops, leaves = treat(tables, work, worlds, w, kind, plan.track[w], along, across, share)
+            counted = worth
+            if tables.demanded > 0.0:
+                counted = counted_kills(tables, worlds.weeds[w], totals[T.killed], killed)
             rewards[w, R.killed] = counted * tables.weights[R.killed]
             rewards[w, R.crop] = crops * tables.weights[R.crop]
             rewards[w, R.energy] = tables.energy_j[kind] * tables.weights[R.energy]
@@ -176,7 +178,7 @@ def want_world(tables: Tables, worlds: Worlds, w: int, kind: int, track: int) ->
 
 @compiled
 def counted_kills(tables: Tables, weeds: float, total: float, killed: float) -> float:
-    """Kills of a decision that are worth something: where a share is demanded, those up to the first that meets it.
+    """Kills of a decision that are worth something where a share is demanded: those up to the first that meets it.
 
     Args:
         tables: see there.
@@ -184,8 +186,6 @@ def counted_kills(tables: Tables, weeds: float, total: float, killed: float) -> 
         total: weeds that have died so far, with this decision.
         killed: of them, those of this decision.
     """
-    if tables.demanded == 0.0:
-        return killed
     enough = math.ceil(tables.demanded * weeds - 1e-9)
     return min(total, enough) - min(total - killed, enough)
 
@@ -201,10 +201,11 @@ def treat(
     along_m: float,
     across_m: float,
     share: float,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """Work on a place and whatever grows within the tool's reach of it.
 
-    Gives the weeds and crop plants that die, and the leaf area that crop plants lose, in whole plants.
+    Gives the weeds that die, what they count, the crop plants that die, and the leaf area that crop plants lose, in
+    whole plants.
 
     ``share`` is what the ground leaves of the dose, 1 where it is a plane.
     """
@@ -218,12 +219,17 @@ def treat(
         before -= 1
     while behind < tables.weeds_end and plant[behind, G.along] - along_m <= reach_m:
         behind += 1
-    killed = strike(work, plant, doses, limits, kinds, mode, before + 1, behind, along_m, across_m, share)
+    counts = worlds.plant_worth[w]
+    killed, worth = strike(
+        work, plant, doses, limits, kinds, counts, mode, before + 1, behind, along_m, across_m, share
+    )
     crop, beside = tables.weeds_end + worlds.track_near[w, track, N.crop], tables.crop_beside
     # Leaves of a plant that dies go with it: what they lose is counted while it lives.
     leaves = strip_leaves(tables, work.leaf_m[mode], worlds, w, crop, along_m, across_m)
-    crops = strike(work, plant, doses, limits, kinds, mode, crop - beside, crop + beside + 1, along_m, across_m, share)
+    first, end = crop - beside, crop + beside + 1
+    crops, _ = strike(work, plant, doses, limits, kinds, counts, mode, first, end, along_m, across_m, share)
     totals[T.killed] += killed
+    totals[T.worth] += worth
     totals[T.crop] += crops
     totals[T.leaves] += leaves
     totals[T.shots] += 1.0
@@ -233,7 +239,7 @@ def treat(
         totals[T.last_kill] = totals[T.time]
     if not worlds.track_real[w, track]:
         totals[T.blanks] += 1.0
-    return killed, crops, leaves
+    return killed, worth, crops, leaves
 
 
 @compiled
@@ -273,15 +279,19 @@ def strike(
     doses: Array,
     limits: Array,
     kinds: NDArray[np.int64],
+    counts: Array,
     mode: int,
     first: int,
     end: int,
     along_m: float,
     across_m: float,
     share: float,
-) -> float:
-    """Add a share of the work's dose on the plants of a world from ``first`` to before ``end``; gives how many die."""
-    dead = 0.0
+) -> tuple[float, float]:
+    """Add a share of the work's dose on the plants of a world from ``first`` to before ``end``.
+
+    Gives how many die, and what they count.
+    """
+    dead, worth = 0.0, 0.0
     for i in range(first, end):
         along, across = plant[i, G.along] - along_m, plant[i, G.across] - across_m
         if abs(along) <= work.reach_m and abs(across) <= work.reach_m:
@@ -289,7 +299,8 @@ def strike(
             doses[i] = before + share * dose(work, mode, along, across, kinds[i])
             if before < limits[i] <= doses[i]:
                 dead += 1.0
-    return dead
+                worth += counts[i]
+    return dead, worth
 
 
 @compiled

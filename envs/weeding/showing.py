@@ -107,7 +107,7 @@ def score_worlds(tables: Tables, worlds: Worlds, rows: NDArray[np.int64], number
     for w in rows:
         of, there, score, own = worlds.totals[w], worlds.weeds[w], numbers[w, first:], len(S) + phases
         time_s, killed, shots = max(of[T.time], 1e-9), of[T.killed], of[T.shots]
-        score[S.net_rate] = killed / max(there, 1.0)
+        score[S.net_rate] = of[T.worth] / (worlds.worth[w] if worlds.worth[w] > 0.0 else 1.0)
         score[S.cycle_time_s] = of[T.last_kill] / max(killed, 1.0)
         score[S.throughput_per_min] = 60.0 * killed / time_s
         score[S.duration_s] = of[T.time]

@@ -44,12 +44,15 @@ class Totals(NamedTuple):
     joules: Annotated[int, Says("J", "energy of all works")]
     last_shot: Annotated[int, Says("s", "when the last work was done")]
     last_kill: Annotated[int, Says("s", "when the last work was done that killed a weed")]
+    worth: Annotated[int, Says("", "what the weeds that died count")]
 
 
 class Rewards(NamedTuple):
     """Terms of the reward; each is its quantity times its weight."""
 
-    killed: Annotated[int, Says("", "weeds that died")]
+    killed: Annotated[
+        int, Says("", "what the weeds that died count, one each where the scenario does not say otherwise")
+    ]
     crop: Annotated[int, Says("", "crop plants that died")]
     time: Annotated[int, Says("s", "seconds")]
     energy: Annotated[int, Says("J", "energy of the work")]
@@ -59,7 +62,9 @@ class Rewards(NamedTuple):
 class Common(NamedTuple):
     """The scores before the phases: those that every task has."""
 
-    net_rate: Annotated[int, Says("", "killed / all true weeds of the band, missed ones too")]
+    net_rate: Annotated[
+        int, Says("", "what weeds that died count / what all true weeds of the band do, missed ones too")
+    ]
     cycle_time_s: Annotated[int, Says("s", "time until the last weed died / weeds that died")]
     throughput_per_min: Annotated[int, Says("1/min", "weeds that died a minute")]
     duration_s: Annotated[int, Says("s", "simulated time")]
@@ -132,6 +137,7 @@ class Tables(NamedTuple):
         shape: of frame and tool on ground that is not level.
         demanded: share of the weeds beyond which kills are worth nothing, 0 where all count.
         leaf_m: how far a crop plant's leaves reach.
+        worth: (species, stage), what a weed counts.
         budget_j: energy that all works may take, infinite where it is not scarce.
     """
 
@@ -161,6 +167,7 @@ class Tables(NamedTuple):
     shape: Shape
     demanded: float
     leaf_m: float
+    worth: Array
     budget_j: float
 
 
@@ -173,12 +180,16 @@ class Worlds(NamedTuple):
     """Stage of a weed, 3 for a crop plant."""
     plant_tolerance: Annotated[Array, shaped("plants", empty=np.inf)]
     """Dose that kills; infinite where nothing grows."""
+    plant_worth: Annotated[Array, shaped("plants", empty=1)]
+    """What it counts when it dies."""
     plant_dose: Annotated[Array, shaped("plants")]
     """Dose so far."""
     leaf_lost: Annotated[Array, shaped("crops")]
     """Share of a crop plant's leaf area that is lost."""
     weeds: Annotated[Array, shaped()]
     """True weeds of the strip."""
+    worth: Annotated[Array, shaped()]
+    """What they count."""
     crops_in_strip: Annotated[Array, shaped()]
     """Crop plants of the strip."""
     track_report: Annotated[Array, shaped("tracks", 2, empty=FAR_M)]
@@ -276,6 +287,7 @@ def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: flo
         shape=shape_of(config),
         demanded=float(scenario.demanded),
         leaf_m=float(scenario.leaf_m),
+        worth=np.array(scenario.worth, float),
         budget_j=float(scenario.energy_j) if scenario.energy_j > 0.0 else np.inf,
     )
 

@@ -9,7 +9,7 @@ from ....assembly import Assembly
 from ....references import later
 from ....single import TaskEnv
 from ....vector import TaskVectorEnv
-from ...config import BATTERY, DEMANDS, SCENARIOS
+from ...config import BATTERY, DEMANDS, SCENARIOS, WORTH
 from ...core import WeederOutcome, WeedingCore
 from ...perception import PerceptionModel
 from ...ridges import Ridges
@@ -40,7 +40,7 @@ DECISION_S = {
 """Seconds that a decision takes on average, by scenario [30 episodes of the reference policy]."""
 LASER: Assembly[Any] = Assembly(
     config=WeedingConfig,
-    scenarios={**SCENARIOS, **BATTERY},
+    scenarios={**SCENARIOS, **BATTERY, **WORTH},
     core=laser_core,
     perfect=lambda config: PerceptionModel.perfect(),
     measured=lambda config: PerceptionModel.measured(),
@@ -82,9 +82,9 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
       distance to the nearest crop plant / 0.05 m, at most 4.
     - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.unwrapped.action_masks()``.
 
-    **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed``, ``crop`` (-5 a crop plant that dies), ``time``
-    (-0.05 a second), ``energy`` (-0.0005 a joule),
-    ``leaves`` (0, in ``"field"`` -1 for all leaves of a crop plant that lives).
+    **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed`` (in ``"worth"`` what they count), ``crop`` (-5 a
+    crop plant that dies), ``time`` (-0.05 a second), ``energy`` (-0.0005 a joule), ``leaves`` (0, in ``"field"`` -1 for
+    all leaves of a crop plant that lives).
 
     **Score**: ``info["scorecard"]``: ``net_rate`` = killed / all true weeds of the band, ``cycle_time_s`` = time until
     the last weed died / weeds killed (eq. 34 of the safflower paper), ``shot_time_s`` the same for shots,
@@ -94,7 +94,8 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
         scenario: tiers by offered load: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"`` (40 weeds per
             m2, clumped), ``"load-1.0-even"``, ``"load-1.6-even"``, ``"dense"`` (100 per m2 at load 1), ``"field"`` (a
             worn machine on ground that shakes, at load 1.25), ``"ridged"`` (twin rows on ridges, at load 1.25),
-            ``"battery"`` (4 kJ of light a strip, at load 1.25; ``machine`` shows an eighth number, what is left of it).
+            ``"battery"`` (4 kJ of light a strip, at load 1.25; ``machine`` shows an eighth number, what is left of it),
+            ``"worth"`` (a weed counts by its stage: 0.3, 1 or 3, in reward and net rate; at load 1.25).
         backend: ``"pybullet"`` drives the closed-loop machine on a moving cart, ``"analytic"`` computes its motion.
         perception: ``"camera"`` renders and segments images of both cameras, ``"model"`` draws from statistics measured
             on such images, ``"perfect"`` reports every weed where it is. Default: camera with PyBullet, model with the
