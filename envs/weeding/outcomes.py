@@ -206,7 +206,7 @@ def tally(work: Any, response: Response, worth: Array, plants: Plants, tracks: T
                         of = 3 * tracks.species[r, j] + tracks.stage[r, j]
                         sums.beside[0, of, int(apart_m / STEP_M), mode] += killed
                 if j == k:
-                    both(work, response, worth[species, stage], plants, tracks, r, k, i, first, second, sums)
+                    both(work, response, float(worth[species, stage]), plants, tracks, r, k, i, first, second, sums)
 
 
 @compiled
