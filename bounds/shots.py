@@ -113,6 +113,7 @@ def _undominated(options: list[_Option]) -> list[_Option]:
     for option in sorted(options, key=lambda o: o.stand_s):
         if option.shares and not any(
             other.cost <= option.cost + 1e-12
+            and other.energy_j <= option.energy_j
             and all(other.shares.get(weed, 0.0) >= share for weed, share in option.shares.items())
             for other in kept
         ):

@@ -48,6 +48,7 @@ PLUGS = Block(8_000_000, 9_000_000, "the trays' camera was measured on them")
 HELD_OUT = Block(40_000_000, 41_000_000, "the benchmark's: nothing in development plays or prints them")
 TRAINING = Block(1_000_000_000, 2_000_000_000, "learned policies learned from them")
 DATASETS = Block(2_000_000_000, 2_100_000_000, "datasets are collected on them")
+CLONES = Block(3_000_000_000, 3_100_000_000, "a clone and its teacher are compared on them")
 
 BLOCKS = {
     "tuned": TUNED,
@@ -63,6 +64,7 @@ BLOCKS = {
     "held-out": HELD_OUT,
     "training": TRAINING,
     "datasets": DATASETS,
+    "clones": CLONES,
 }
 """All blocks by name, ascending."""
 

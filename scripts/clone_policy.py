@@ -13,12 +13,10 @@ from typing import Annotated, Any
 
 import typer
 
+from fieldgym.kernels.seeds import CLONES, POLICY_SEEDS
 from fieldgym.scripts.common import CommandError, at_least_one, environment_id, execute, told_in_one_line
 
 app = typer.Typer(add_completion=False)
-
-FIRST_SEED = 3_000_000_000
-"""Of the episodes in which the clone is compared: datasets begin at 2e9, training at 1e9, scores at 0."""
 
 
 @app.command()
@@ -81,11 +79,11 @@ def main(
         portable.save(target, cloned.policy)
     settings = recovered.spec.kwargs
     recovered.close()
-    told = compared(env_id, author, cloned.policy, range(FIRST_SEED, FIRST_SEED + episodes), settings)
+    told = compared(env_id, author, cloned.policy, CLONES.take(episodes), settings)
     typer.echo(
         f"{short}: {cloned.decisions} decisions of {author}; the clone decides {100.0 * cloned.agreement:.1f} % of the "
         f"held-out ones alike\n  return {told['return']}\n  net rate {told['net rate']}\n  on {episodes} seeds from "
-        f"{FIRST_SEED}; clone in {target}"
+        f"{CLONES.first}; clone in {target}"
     )
 
 
@@ -93,7 +91,6 @@ def compared(env_id: str, author: str, clone: Any, seeds: range, settings: dict[
     """What a clone and its author reach on the same seeds, and the share, in words, by the name of the figure."""
     from fieldgym.agents import make_policy
     from fieldgym.agents.evaluation import evaluate
-    from fieldgym.benchmark.episode import POLICY_SEEDS
     from fieldgym.benchmark.statistics import paired_share
 
     own = evaluate(clone.fitted, env_id, seeds, **settings)

@@ -46,7 +46,7 @@ from fieldgym.envs.weeding.straying import Carrying, strayed
 from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.kernels.config import ConfigError, override
-from fieldgym.scripts.drive_errors import FIRST_SEED
+from fieldgym.kernels.seeds import DRIVES
 
 CLASSES = ("none", "A", "B", "C", "D", "soil")
 LASER, HOE, PICKER = "fieldgym/LaserWeeding-v0", "fieldgym/HoeWeeding-v0", "fieldgym/SafflowerPicking-v0"
@@ -144,7 +144,7 @@ def rms(values: ArrayLike, factor: float) -> str:
 def stops(options: argparse.Namespace) -> Table:
     """How the picker's frame stands at its stops, root mean squares, and net rates against a plane, paired."""
     table = Table("ground", "heave mm", "pitch deg", "roll deg", "shears mm", "net rate %", "against a plane, points")
-    seeds, policy, level = range(FIRST_SEED, FIRST_SEED + options.fields), reference_policy(PICKER), None
+    seeds, policy, level = DRIVES.take(options.fields), reference_policy(PICKER), None
     for iso_class in CLASSES:
         settings = overrides(iso_class=iso_class)
         kwargs: dict[str, Any] = {"scenario": "field", "perception": "model", "overrides": settings}

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import gymnasium as gym
 import numpy as np
@@ -98,7 +98,7 @@ def planner(axis: str) -> Iterator[Point]:
     config = env.unwrapped.core.config
     env.close()
     for size in (1, 2, 4, 8, 16, 32) if axis == "depth" else (1, 2, 4, 8, 16, 32, 64, 128, 256):
-        policy = RecedingHorizon(config, **{"depth": 4, "width": 6, axis: size})
+        policy = RecedingHorizon(config, **cast(Any, {"depth": 4, "width": 6, axis: size}))
         yield float(size), 1e3 * best_of(lambda p=policy: p.act(batch), 15)
 
 

@@ -274,7 +274,7 @@ def test_prices_of_rows_and_columns_are_the_dual_of_their_transport():
 
 def test_modes_that_another_beats_in_everything_are_left_out():
     def option(stand_s: float, cost: float, *weeds: int) -> Any:
-        return shots._Option(np.zeros(2), np.zeros(2), 0.0, stand_s, cost, dict.fromkeys(weeds, 1.0))
+        return shots._Option(np.zeros(2), np.zeros(2), 0.0, stand_s, cost, 0.0, dict.fromkeys(weeds, 1.0))
 
     quick, dear, both, slow, nothing = (
         option(0.2, 0.1, 1),
@@ -298,6 +298,8 @@ def test_the_least_of_shares():
         share_weed=np.array([0, 1, 1, 0, 2]),
         share=np.array([1.0, 1.0, 0.5, 1.0, 1.0]),
         weeds=3,
+        worth=np.ones(3),
+        energy_j=nothing,
     )
     assert found.option_of_share().tolist() == [0, 0, 1, 2, 2]
     assert found.least(np.array([5.0, 4.0, 3.0, 2.0, 1.0])).tolist() == [2.0, 3.0, 1.0]

@@ -21,7 +21,7 @@ from fieldgym.envs.sorting.config import SortingConfig
 from fieldgym.envs.transplanting.config import SCENARIOS as TRAY_SCENARIOS
 from fieldgym.envs.transplanting.config import PerceptionModel as TrayEyes
 from fieldgym.envs.transplanting.config import TransplantingConfig
-from fieldgym.envs.weeding.config import DEMANDS
+from fieldgym.envs.weeding.config import BATTERY, DEMANDS, WORTH
 from fieldgym.envs.weeding.config import SCENARIOS as WEEDING_SCENARIOS
 from fieldgym.envs.weeding.perception import PerceptionModel as WeederEyes
 from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
@@ -37,7 +37,7 @@ TASKS = SafflowerConfig, TransplantingConfig, WeedingConfig, HoeWeedingConfig, S
 SCENARIOS = {
     "safflower": PICKER_SCENARIOS,
     "transplanting": TRAY_SCENARIOS,
-    "weeding": WEEDING_SCENARIOS | DEMANDS,
+    "weeding": WEEDING_SCENARIOS | DEMANDS | BATTERY | WORTH,
     "sorting": SORTER_SCENARIOS,
 }
 

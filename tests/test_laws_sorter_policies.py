@@ -8,6 +8,7 @@ import pytest
 from observed import WORLDS, K, least, made_up, quintic_s
 
 from fieldgym.agents.policies import sorting, sorting_value
+from fieldgym.agents.policies.search import Taken
 from fieldgym.agents.policies.value_weights import SHAPES
 from fieldgym.agents.policies.weights import PolicyFileError
 from fieldgym.envs.sorting.columns import Candidate as Item
@@ -194,7 +195,7 @@ def test_the_value_of_a_belt_is_its_features_times_the_weights():
             sizes.add(seen_s > 0.0)
             bins = problem.picks.bins[problem.picks.goal[w, 1]]
             sorting_value.describe(problem, w, bins[0], bins[1], clock_s, used, row)
-            value = sorting_value.prospect(problem, w, clock_s, used, 1)
+            value = sorting_value.prospect(problem, w, clock_s, Taken(used, 0, 0), 1)
             assert value == pytest.approx(float(row @ weights["value"].astype(float)), rel=1e-9)
     assert sizes == {False, True}
 

@@ -12,6 +12,7 @@ from fieldgym.agents.policies.weeding_horizon import RecedingHorizon
 from fieldgym.agents.policies.weeding_outlook import outlook
 from fieldgym.envs.weeding.features import Candidate as Weed
 from fieldgym.envs.weeding.features import Machine as Weeder
+from fieldgym.envs.weeding.outcomes import SIZES, Outcomes
 from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 
@@ -217,7 +218,58 @@ def ways_of(config: Any) -> tuple[Any, Any]:
     return move_s, approach
 
 
-def worths_of(config: Any, tool: Any, observation: Any, rows: Any, w: int) -> tuple[dict[Any, float], float]:
+def any_outcomes(seed: int) -> Outcomes:
+    """Tables that no tool has: every cell another number."""
+    rng = np.random.default_rng(seed)
+    kinds, steps, modes = SIZES["kinds"], SIZES["steps"], SIZES["modes"]
+    own = (kinds, SIZES["crops"], SIZES["neighbours"])
+    return Outcomes(
+        own=rng.random((*own, modes)),
+        own_count=np.ones(own),
+        beside=0.4 * rng.random((kinds, steps, modes)),
+        beside_count=np.ones((kinds, steps)),
+        after=rng.random((kinds, steps, modes, modes)),
+        left=rng.random((kinds, steps, modes, modes)),
+        harm=0.1 * rng.random((SIZES["crop_steps"], modes)),
+        harm_count=np.ones(SIZES["crop_steps"]),
+        per_m=np.ones(1),
+    )
+
+
+def beliefs_of(config: Any, tool: Any, tables: Outcomes, rows: Any) -> tuple[Any, Any]:
+    """What a shot in a mode is worth after others, and in which mode it would be fired later; nothing was done yet."""
+    weights, there = config.weights, [k for k in range(K) if rows[k]["present"]]
+    at = [(0.3 * weed["along"], 0.2 * weed["across"]) for weed in rows]
+    kind = [3 * int(weed["grass"] > 0.5) + int(np.argmax([weed[stage] for stage in STAGES])) for weed in rows]
+    apart = {(i, j): sqrt((at[i][0] - at[j][0]) ** 2 + (at[i][1] - at[j][1]) ** 2) for i in there for j in there}
+    beside = {k: [j for j in there if j != k and apart[k, j] < 0.05] for k in there}
+
+    def left(k: int, mode: int, taken: dict[int, int]) -> float:
+        shares = [tables.after[kind[k], int(apart[k, j] / 0.005), taken[j], mode] for j in beside[k] if j in taken]
+        return float(np.prod(shares))
+
+    def value(k: int, mode: int, taken: dict[int, int]) -> float:
+        gap_m, nearest_m = 0.05 * rows[k]["crop_gap"], min([apart[k, j] for j in there if j != k], default=inf)
+        nearest_m = nearest_m if nearest_m < 0.05 else inf
+        crop = sum(gap_m >= edge for edge in (0.015, 0.03, 0.05, 0.065, 0.08, 0.11))
+        near = sum(nearest_m >= edge for edge in (0.006, 0.012, 0.02, 0.03, 0.05))
+        killed = float(tables.own[kind[k], crop, near, mode]) * left(k, mode, taken)
+        for j in beside[k]:
+            if j not in taken:
+                killed += float(tables.beside[kind[j], int(apart[k, j] / 0.005), mode]) * left(j, mode, taken)
+        harm = float(tables.harm[min(int(gap_m / 0.0025), 31), mode])
+        return weights.killed * killed + weights.crop * harm + weights.joules * tool["energy"][mode]
+
+    price = 0.7 * 0.35 * weights.killed / config.service_s
+    later = {}
+    for k in there:
+        able = [mode for mode in range(3) if value(k, mode, {}) > 0.0]
+        if able:
+            later[k] = max(able, key=lambda mode: value(k, mode, {}) - price * tool["work_s"][mode])
+    return value, later
+
+
+def worths_of(config: Any, tool: Any, tables: Outcomes, observation: Any, rows: Any, w: int) -> tuple[Any, float]:
     """What every sequence of two shots at most is worth, by its first one, and what waiting a moment is worth."""
     machine, weeds_ = machine_of(Weeder, observation, w), rows[w]
     speed = max(0.1 * machine["speed"], 1e-3)
@@ -229,43 +281,43 @@ def worths_of(config: Any, tool: Any, observation: Any, rows: Any, w: int) -> tu
     names = "place", "lean_along", "lean_across"
     start = tuple(machine[name] * unit for name, unit in zip(names, scale, strict=True))
     at = [(0.3 * weed["along"], 0.2 * weed["across"]) for weed in weeds_]
-    legal, every = offers(config, observation, rows, w, tool), offers(config, None, rows, w, tool)
-    label = [tool["label"][int(weed["grass"])][int(np.argmax([weed[s] for s in STAGES]))] for weed in weeds_]
-    worth = {k: every[k, label[k]]["value"] for k in range(K) if weeds_[k]["present"] and (k, label[k]) in every}
-    price, reserve = 0.25 * config.weights.killed / config.service_s, config.service_s
+    value, later = beliefs_of(config, tool, tables, weeds_)
+    price, reserve = 0.35 * config.weights.killed / config.service_s, 0.5 * config.service_s
 
     def moved(last: int, k: int) -> float:
         (along, across), (x, lean, y), passed = at[k], start, 0.0
         if last < K:
             x, lean, y = at[last][0] * (1.0 - share), share * at[last][0], at[last][1]
-            passed = share * speed * tool["work_s"][label[last]]
+            passed = share * speed * tool["work_s"][later.get(last, 0)]
         return move_s(along * (1.0 - share) - x + passed, share * along - lean - passed, across - y)
 
-    def rest(clock: float, used: tuple[int, ...], last: int) -> float:
-        gained = 0.0
-        for k, value in worth.items():
-            if k not in used:
-                done = max(clock + moved(last, k), (at[k][0] - front) / speed) + tool["work_s"][label[k]]
-                if done <= (at[k][0] + front) / speed - reserve:
-                    clock, last, gained = done, k, gained + value
+    def rest(clock: float, taken: dict[int, int], last: int) -> float:
+        gained, taken = 0.0, dict(taken)
+        for k, mode in later.items():
+            if k not in taken:
+                done = max(clock + moved(last, k), (at[k][0] - front) / speed) + tool["work_s"][mode]
+                if done <= (at[k][0] + front) / speed - reserve and value(k, mode, taken) > 0.0:
+                    gained += value(k, mode, taken)
+                    clock, last, taken[k] = done, k, mode
         return gained - price * clock
 
     best: dict[Any, float] = {}
 
-    def grow(first: Any, used: tuple[int, ...], place: Any, clock: float, gained: float) -> None:
-        for (k, mode), shot in every.items():
-            if k in used or not weeds_[k]["present"] or (not used and (k, mode) not in legal):
-                continue
-            there, until, possible = approach(place, shot["work_s"], speed * clock, speed, *at[k])
-            if possible:
-                done, begun = clock + until + shot["work_s"], first or (k, mode)
-                value = gained + shot["value"] + rest(done, (*used, k), k)
-                best[begun] = max(best.get(begun, -inf), value)
-                if not used:
-                    grow(begun, (k,), there, done, gained + shot["value"])
+    def grow(first: Any, taken: dict[int, int], place: Any, clock: float, gained: float) -> None:
+        for k in range(K):
+            for mode in range(3) if weeds_[k]["present"] and k not in taken else ():
+                if not (later.get(k) == mode if taken else observation["action_mask"][w, 3 * k + mode]):
+                    continue
+                gain = value(k, mode, taken)
+                there, until, possible = approach(place, tool["work_s"][mode], speed * clock, speed, *at[k])
+                if gain > 0.0 and possible:
+                    done, begun, more = clock + until + tool["work_s"][mode], first or (k, mode), {**taken, k: mode}
+                    best[begun] = max(best.get(begun, -inf), gained + gain + rest(done, more, k))
+                    if not taken:
+                        grow(begun, more, there, done, gained + gain)
 
-    grow(None, (), start, 0.0, 0.0)
-    return best, rest(config.cart.moment_s, (), K)
+    grow(None, {}, start, 0.0, 0.0)
+    return best, rest(config.cart.moment_s, {}, K)
 
 
 @pytest.mark.parametrize("config", [WeedingConfig(slots=K), HoeWeedingConfig(slots=K)], ids=["laser", "hoe"])
@@ -277,15 +329,20 @@ def test_the_planner_begins_with_the_best_sequence(config):
     for name, low, high in (("along", -0.9, 1.5), ("across", -0.95, 0.95)):
         column = Weed._fields.index(name)
         table[..., column] = np.where(table[..., 0] > 0.0, low + (high - low) * table[..., column] / 1.5, 0.0)
+        # Three stand together: what is beside a shot may have been beside the one before it too.
+        for k in (1, 2, 4, 5):
+            beside = table[:, k - k % 3, column] + (0.1 if name == "along" else 0.05) * table[:, k, column]
+            table[:, k, column] = np.where(table[:, k, 0] > 0.0, beside, 0.0)
     for w, k in np.ndindex(WORLDS, K):
         rows[w][k] = dict(zip(Weed._fields, map(float, table[w, k]), strict=True))
     observation["action_mask"][:, : 3 * K] = np.repeat(table[..., 0] > 0.0, 3, axis=1)
     observation["action_mask"][:, : 3 * K : 4] = 0
     observation["action_mask"][5:24:6, : 3 * K] = 0
     observation["machine"][:, Weeder._fields.index("speed")] += 0.5
-    tool, actions, waits = tool_of(config), RecedingHorizon(config, 2, 200).act(observation), 0
+    tables, waits = any_outcomes(10), 0
+    tool, actions = tool_of(config), RecedingHorizon(config, 2, 200, tables).act(observation)
     for w in range(24):
-        best, idle = worths_of(config, tool, observation, rows, w)
+        best, idle = worths_of(config, tool, tables, observation, rows, w)
         if not best or max(best.values()) < idle:
             waits += 1
             assert actions[w] == 3 * K
@@ -294,4 +351,4 @@ def test_the_planner_begins_with_the_best_sequence(config):
     assert 0 < waits < 20
     for depth, width in ((0, 4), (4, 0)):
         with pytest.raises(ValueError, match="at least 1"):
-            RecedingHorizon(config, depth, width)
+            RecedingHorizon(config, depth, width, tables)

@@ -93,6 +93,7 @@ def test_a_second_shot_kills_what_the_first_has_left():
 @pytest.mark.parametrize("env_id", IDS)
 def test_tables_ship_for_every_load_and_others_are_measured(env_id, monkeypatch):
     asked = []
+    monkeypatch.setattr(outcomes, "_MEASURED", {})
     monkeypatch.setattr(outcomes, "measured", lambda *args: asked.append(args) or measured(*args, strips=2))
     for scenario in ("load-0.7", "load-1.0", "load-1.25", "load-1.6"):
         config, tool = tool_of(env_id, scenario)
@@ -142,7 +143,7 @@ def test_what_was_swept_is_worth_less_and_what_lies_beside_is_counted():
     believe(tables, memory, count, place, kind, gap_m, fresh)
     assert fresh.near[0].tolist() == [0b010, 0b001, 0]
     nothing, first_deep = Taken(0, 0, 0), Taken(0b001, 0, 0b001)
-    own = tables.own[1, 3]
+    own = tables.own[1, 5]
     assert kills(fresh, 0, 2, 2, nothing) == pytest.approx(own[5, 2])
     assert kills(fresh, 0, 0, 2, nothing) == pytest.approx(own[2, 2] + tables.beside[1, 2, 2])
     # Behind the first the second has itself only, of which the first has left a share.
@@ -199,7 +200,7 @@ def test_a_planner_reckons_with_the_cameras_that_there_are():
         return RecedingHorizon.make(env, 0)._tables
 
     seen, perfect = tables(perception="model"), tables(perception="perfect")
-    assert perfect.own[1, 3, 5, 2] > seen.own[1, 3, 5, 2]
+    assert perfect.own[1, 5, 5, 2] > seen.own[1, 5, 5, 2]
     assert tables(perception="perfect") is perfect
 
 

@@ -37,7 +37,7 @@ from .state import CROP_KIND, MODES
 from .timing import G
 
 KINDS = len(SPECIES) * len(STAGES)
-CROP_GAPS_M = (0.015, 0.030, 0.050)
+CROP_GAPS_M = (0.015, 0.030, 0.050, 0.065, 0.080, 0.110)
 """Ascending distances to the nearest crop plant that part the classes of own kills."""
 NEIGHBOUR_GAPS_M = (0.006, 0.012, 0.020, 0.030, 0.050)
 """The same for the nearest other report."""
