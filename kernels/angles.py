@@ -7,6 +7,8 @@ each result is within 2 units in the last place.
 
 from __future__ import annotations
 
+import math
+
 from .compiling import compiled
 
 _ROUND = 6755399441055744.0
@@ -76,3 +78,14 @@ def arctangent(rise: float, run: float) -> float:
     odd = odd * w - 1.99999999998764832476e-01
     angle = head - ((t * (even * z + odd * w) - tail) - t)
     return -angle if (rise < 0.0) != (run < 0.0) else angle
+
+
+@compiled
+def bearing(rise: float, run: float) -> float:
+    """The direction in [-pi, pi] of a way that is ``run`` along and ``rise`` across, rad; 0 of none."""
+    if rise == 0.0 and run == 0.0:
+        return 0.0
+    angle = arctangent(rise, run)
+    if run < 0.0:
+        return angle + math.pi if rise >= 0.0 else angle - math.pi
+    return angle

@@ -10,25 +10,23 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
 from numba.core import config, types
 from numba.extending import intrinsic
-from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
 from numpy.typing import NDArray
 
+from .binding import bind
 from .compiling import compiled
+from .ziggurat import normals, uniforms
 
 Array = NDArray[np.float64]
 
 _MULTIPLIER = (2549297995355413924 << 64) + 4865540595714422341
 """Of PCG64's steps."""
-_LAST_BITS, _SIGN, _MANTISSA = np.uint64(0xFF), np.uint64(0x100), np.uint64(0x000FFFFFFFFFFFFF)
 _ONE, _ROTATION, _WORD = np.uint64(1), np.uint64(58), np.uint64(63)
-_LAYER, _TAIL, _FINE = np.uint64(9), np.uint64(8), np.uint64(11)
-_UNIT = 1.0 / 9007199254740992.0
 
 
 def fill_blocks(generators: Sequence[np.random.Generator], blocks: Sequence[Array]) -> None:
@@ -121,57 +119,32 @@ def _stepped(_: Any, low: Any, high: Any, low_odd: Any, high_odd: Any) -> Any:
     return signature, code
 
 
+class Pcg(NamedTuple):
+    """State of PCG64 and its increment, each as its lower and its upper half."""
+
+    low: Any
+    high: Any
+    low_odd: Any
+    high_odd: Any
+
+
 @compiled
-def _mixed(low: Any, high: Any) -> Any:
-    """The 64 random bits of a state."""
+def stepped(state: Pcg) -> Any:
+    """See ``ziggurat``."""
+    low, high = _stepped(state.low, state.high, state.low_odd, state.high_odd)  # type: ignore[call-arg]
     turn, folded = high >> _ROTATION, low ^ high
-    return (folded >> turn) | (folded << ((~turn + _ONE) & _WORD))
+    bits = (folded >> turn) | (folded << ((~turn + _ONE) & _WORD))
+    return bits, Pcg(low, high, state.low_odd, state.high_odd)
 
 
-@compiled
-def _uniform(bits: Any) -> float:
-    """A number from 0 to below 1."""
-    return np.float64(bits >> _FINE) * _UNIT
-
-
-@compiled
-def _normal(low: Any, high: Any, low_odd: Any, high_odd: Any) -> Any:
-    """A standard normal number by the ziggurat's 256 layers, and the state after it."""
-    while True:
-        low, high = _stepped(low, high, low_odd, high_odd)  # type: ignore[call-arg]
-        bits = _mixed(low, high)
-        layer, whole = bits & _LAST_BITS, (bits >> _LAYER) & _MANTISSA
-        x = np.float64(whole) * wi_double[layer]
-        if bits & _SIGN:
-            x = -x
-        if whole < ki_double[layer]:
-            return x, low, high
-        if layer == 0:
-            while True:
-                low, high = _stepped(low, high, low_odd, high_odd)  # type: ignore[call-arg]
-                beyond = -ziggurat_nor_inv_r * np.log1p(-_uniform(_mixed(low, high)))
-                low, high = _stepped(low, high, low_odd, high_odd)  # type: ignore[call-arg]
-                rest = -np.log1p(-_uniform(_mixed(low, high)))
-                if rest + rest > beyond * beyond:
-                    x = ziggurat_nor_r + beyond
-                    return (-x if (whole >> _TAIL) & _ONE else x), low, high
-        low, high = _stepped(low, high, low_odd, high_odd)  # type: ignore[call-arg]
-        step = fi_double[layer - _ONE] - fi_double[layer]
-        if step * _uniform(_mixed(low, high)) + fi_double[layer] < np.exp(-0.5 * x * x):
-            return x, low, high
+bind(Pcg, stepped)
 
 
 @compiled
 def _fill(places: NDArray[np.int64], blocks: tuple[Array, ...]) -> None:
     for r in range(len(places)):
         low, high, low_odd, high_odd = _words(places[r])  # type: ignore[call-arg]
+        state = Pcg(low, high, low_odd, high_odd)
         for number in range(len(blocks)):
-            row = blocks[number][r]
-            if number % 2:
-                for i in range(len(row)):
-                    row[i], low, high = _normal(low, high, low_odd, high_odd)
-            else:
-                for i in range(len(row)):
-                    low, high = _stepped(low, high, low_odd, high_odd)  # type: ignore[call-arg]
-                    row[i] = _uniform(_mixed(low, high))
-        _put(places[r], low, high)  # type: ignore[call-arg]
+            state = normals(state, blocks[number][r]) if number % 2 else uniforms(state, blocks[number][r])
+        _put(places[r], state.low, state.high)  # type: ignore[call-arg]

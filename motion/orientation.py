@@ -30,9 +30,14 @@ def tilted(tilt: ArrayLike, azimuth: ArrayLike, yaw: ArrayLike) -> Array:
 
 def tilted_parts(tilt: Any, azimuth: Any, yaw: Any) -> tuple[Any, Any, Any, Any]:
     """The four components of ``tilted``, of numbers or of arrays."""
-    ct, st, cy, sy = np.cos(0.5 * tilt), np.sin(0.5 * tilt), np.cos(0.5 * yaw), np.sin(0.5 * yaw)
+    halves = np.sin(0.5 * tilt), np.cos(0.5 * tilt), np.sin(0.5 * yaw), np.cos(0.5 * yaw)
+    return tilted_by(*halves, np.sin(azimuth), np.cos(azimuth))
+
+
+def tilted_by(st: Any, ct: Any, sy: Any, cy: Any, sa: Any, ca: Any) -> tuple[Any, Any, Any, Any]:
+    """``tilted_parts`` from sine and cosine of half the tilt, of half the yaw, and of the azimuth."""
     # (ct, -st sin a, st cos a, 0) times (cy, 0, 0, sy), with the angle sum written out.
-    x, y = -st * np.sin(azimuth), st * np.cos(azimuth)
+    x, y = -st * sa, st * ca
     return ct * cy, x * cy + y * sy, y * cy - x * sy, ct * sy
 
 

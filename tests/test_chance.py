@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from numba.core import config
 
-from fieldgym.kernels import chance
+from fieldgym.kernels import chance, compiled
+from fieldgym.kernels.sfc import SEEDS, Sfc, begun
+from fieldgym.kernels.ziggurat import exponentials, normals, uniforms
 
 SIZES = 700, 200_000, 0, 30
 """Enough normal numbers for the ziggurat's edges and its tail, which one in some thousand comes from."""
@@ -44,3 +46,24 @@ def test_kernels_find_the_state_and_step_it_only_where_it_is_known() -> None:
         "this NumPy keeps the state elsewhere: draws are slow"
     )
     assert chance._places([np.random.default_rng(0), np.random.Generator(np.random.Philox(0))]) is None
+
+
+@compiled
+def three_rows(seeds: Any, one: Any, two: Any, three: Any) -> Any:
+    return uniforms(exponentials(normals(begun(seeds), one), two), three)
+
+
+@np.errstate(over="ignore")
+def test_the_quick_generator_is_numpys() -> None:
+    seeds = np.random.default_rng(2).random(SEEDS)
+    rows = [np.empty(size) for size in (SIZES[1] // 10, SIZES[1] // 10, 100)]
+    state = three_rows(seeds, *rows)
+    bits: Any = np.random.SFC64()
+    words = [*(seeds * 2.0**53).astype(np.uint64), np.uint64(1)]
+    bits.state = {**bits.state, "state": {"state": np.array(words, np.uint64)}}
+    bits.random_raw(12)
+    theirs = np.random.Generator(bits)
+    known = theirs.standard_normal(len(rows[0])), theirs.standard_exponential(len(rows[1])), theirs.random(100)
+    assert [row.tobytes() for row in rows] == [row.tobytes() for row in known]
+    assert np.abs(rows[0]).max() > 3.7 and rows[1].max() > 7.8, "no number of the tails"
+    assert list(state) == bits.state["state"]["state"].tolist() and isinstance(state, Sfc)

@@ -44,11 +44,11 @@ TAKEN_DOWN: dict[str, dict[str, str]] = {
         "dense": "23b08daac5a8b449",
     },
     "fieldgym/ProduceSorting-v0": {
-        "load-0.7": "998806efb36e79d1",
-        "load-1.0": "9b785b12b72c575c",
-        "load-1.25": "d1df5f30bddb35d9",
-        "load-1.6": "89000e26c50a8e92",
-        "clumped-1.25": "a4a8a56b67f73b71",
+        "load-0.7": "dcba4d36dc3397f9",
+        "load-1.0": "060ffa1ca4a6da3b",
+        "load-1.25": "31ad7541e88f4fb8",
+        "load-1.6": "229902947a5efc04",
+        "clumped-1.25": "0014a1506f176716",
     },
 }
 """Digests of two fields of every scenario; the speed variant's are the laser's."""

@@ -18,6 +18,7 @@ from fieldgym.envs.sorting.core import SortingCore
 from fieldgym.envs.sorting.drawing import Stream, centre_height_m, delayed_s, draw_items, gap_s
 from fieldgym.envs.sorting.field import Items, ProduceField, Reports, Sensor
 from fieldgym.kernels.config import override
+from fieldgym.kernels.sfc import SEEDS
 from fieldgym.motion.orientation import axes, tilted
 
 ID = "fieldgym/ProduceSorting-v0"
@@ -29,7 +30,7 @@ def test_streams_have_the_load_that_they_say_and_nothing_overlaps(name):
     rng = np.random.default_rng(5)
     n = config.scenario.max_items
     items = np.zeros((200, n + 1, len(Item._fields)))
-    draw_items(Stream.of(config), items, rng.random((200, 13 * n)), rng.standard_normal((200, 3 * n)))
+    draw_items(Stream.of(config), items, rng.random((200, SEEDS)))
     items = items[:, :n]
     exists = np.isfinite(items[..., ITEM.passing_s])
     mean = exists.sum(axis=1).mean() * REFERENCE_CYCLE_S / config.scenario.stream_s
@@ -51,7 +52,7 @@ def test_streams_have_the_load_that_they_say_and_nothing_overlaps(name):
 
 def test_clumps_keep_the_rate_and_bunch_the_gaps():
     rng = np.random.default_rng(0)
-    draws = rng.random((100_000, 2)).tolist()
+    draws = np.stack([rng.standard_exponential(100_000), rng.random(100_000)], axis=1).tolist()
     streams = [Stream.of(SortingConfig(scenario=SCENARIOS[name])) for name in ("load-1.25", "clumped-1.25")]
     one, other = (np.array([gap_s(stream, *draw) for draw in draws]) for stream in streams)
     assert one.mean() == pytest.approx(other.mean(), rel=0.02)

@@ -7,14 +7,19 @@ from typing import NamedTuple
 from ..columns import numbered
 
 
-class Chances(NamedTuple):
-    """Uniform numbers of an item: until it comes, whether with the one before, where, how and what it is, its luck."""
+class Waits(NamedTuple):
+    """Standard exponential numbers of an item: until it comes, and half the square of how far it leans."""
 
-    wait: int
+    gap: int
+    tilt: int
+
+
+class Chances(NamedTuple):
+    """Uniform numbers of an item: whether it comes with the one before, where, how and what it is, its luck."""
+
     together: int
     across: int
     yaw: int
-    tilt: int
     azimuth: int
     kind: int
     length: int
@@ -65,5 +70,5 @@ class GhostChances(NamedTuple):
     grade: int
 
 
-U, Z = numbered(Chances), numbered(Spreads)
+WAIT, U, Z = numbered(Waits), numbered(Chances), numbered(Spreads)
 SEEN, ERROR, GHOST = numbered(SeenChances), numbered(Errors), numbered(GhostChances)

@@ -1,21 +1,24 @@
 """Draws streams of produce: when and where items come down the belt, how they lie, and what a camera reports of them.
 
-Each world hands over blocks of uniform and normal numbers from its own generator; everything else follows from them
-world by world, so a world's stream does not depend on how many worlds are drawn beside it.
+Each world's own generator begins two quick ones, of its stream and of what the camera makes of it. They hand out numbers
+item by item, as many as there are items: a stream depends neither on the camera nor on how many worlds are drawn beside.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...kernels import compiled, fill
+from ...kernels.angles import bearing, sine_cosine
+from ...kernels.sfc import SEEDS, begun
+from ...kernels.ziggurat import exponentials, normals, uniform, uniforms
 from ..core import Array
 from ..dice import draw_blocks, poisson_table
-from .chances import ERROR, GHOST, SEEN, U, Z
+from .chances import ERROR, GHOST, SEEN, WAIT, U, Z
 from .columns import ITEM, REPORT, Item, Report
 from .config import PerceptionModel, SortingConfig
 from .field import Streams
@@ -146,10 +149,11 @@ class CameraModel(NamedTuple):
         )
 
 
+@np.errstate(over="ignore")
 def draw_streams(
     stream: Stream, camera: CameraModel, generators: Sequence[np.random.Generator], items: int, reports: int
 ) -> Streams:
-    """Draw a stream and what the camera reports of it from each generator; the stream's numbers come first.
+    """Draw a stream and what the camera reports of it for each generator.
 
     Args:
         stream: what streams are drawn from.
@@ -159,34 +163,32 @@ def draw_streams(
         reports: most reports of a world; 0: nothing is reported.
     """
     worlds = len(generators)
-    looks = len(SEEN) * items + 1 + len(GHOST) * len(camera.ghosts)
-    uniform, normal, seen, errors = draw_blocks(generators, (len(U) * items, len(Z) * items, looks, len(ERROR) * items))
+    (first,) = draw_blocks(generators, (1 + 2 * SEEDS,))
     drawn = Streams(
         np.empty((worlds, items + 1, len(Item._fields))),
         np.empty((worlds, reports, len(Report._fields))),
-        (seen[:, 0] * 2.0**52).astype(np.int64),
+        (first[:, 0] * 2.0**52).astype(np.int64),
     )
-    draw_items(stream, drawn.items, uniform, normal)
+    draw_items(stream, drawn.items, first[:, 1 : 1 + SEEDS])
     if reports:
-        draw_reports(stream, camera, drawn.items, seen, errors, drawn.reports)
+        draw_reports(stream, camera, drawn.items, first[:, 1 + SEEDS :], drawn.reports)
     return drawn
 
 
+@np.errstate(over="ignore")
 def report_streams(
     stream: Stream, camera: CameraModel, items: Array, generator: np.random.Generator, reports: int
 ) -> Array:
     """What the camera reports (R, reports, REPORT) of items (R, N + 1, ITEM) that were not drawn with it."""
-    worlds, n = len(items), items.shape[1] - 1
-    seen = generator.random((worlds, len(SEEN) * n + 1 + len(GHOST) * len(camera.ghosts)))
-    drawn = np.empty((worlds, reports, len(Report._fields)))
-    draw_reports(stream, camera, items, seen, generator.standard_normal((worlds, len(ERROR) * n)), drawn)
+    drawn = np.empty((len(items), reports, len(Report._fields)))
+    draw_reports(stream, camera, items, generator.random((len(items), SEEDS)), drawn)
     return drawn
 
 
 @compiled
 def gap_s(stream: Stream, wait: float, together: float) -> float:
-    """Seconds to the next arrival from uniform numbers: exponential, short within a clump."""
-    return -math.log1p(-wait) * stream.gap_s[0 if together < stream.stay else 1]
+    """Seconds to the next arrival from an exponential and a uniform number: short within a clump."""
+    return wait * stream.gap_s[0 if together < stream.stay else 1]
 
 
 @compiled
@@ -207,10 +209,11 @@ def delayed_s(lane: Array, i: int, speed_m_s: float) -> float:
 def centre_height_m(length_m: float, width: float, thickness: float, yaw: float, tilt: float, azimuth: float) -> float:
     """Height of an ellipsoid's centre over the plane it touches."""
     # The third row of the turned frame: how much of each axis points up.
-    lean = math.sin(tilt)
-    long_up = -lean * math.cos(azimuth - yaw)
-    wide_up = -lean * math.sin(azimuth - yaw) * width
-    short_up = thickness * math.cos(tilt)
+    lean, upright = sine_cosine(tilt)
+    sine, cosine = sine_cosine(azimuth - yaw)
+    long_up = -lean * cosine
+    wide_up = -lean * sine * width
+    short_up = thickness * upright
     return 0.5 * length_m * math.sqrt(long_up * long_up + wide_up * wide_up + short_up * short_up)
 
 
@@ -222,32 +225,34 @@ def on_raster(stream: Stream, kind: int, size: int, draw: float) -> float:
 
 
 @compiled
-def draw_items(stream: Stream, items: Array, uniform: Array, normal: Array) -> None:
-    """Lay the items (R, N + 1, ITEM) of worlds, in order of arrival, from their random blocks (R, .)."""
-    n = uniform.shape[1] // len(U)
+def draw_items(stream: Stream, items: Array, seeds: Array) -> None:
+    """Lay the items (R, N + 1, ITEM) of worlds, in order of arrival, from numbers (R, SEEDS) that begin a generator."""
+    wait, u, z = np.empty(len(WAIT)), np.empty(len(U)), np.empty(len(Z))
     for r in range(len(items)):
-        u, z, lane = uniform[r].reshape(len(U), n), normal[r].reshape(len(Z), n), items[r]
-        for i in range(len(lane)):
-            fill(lane[i], np.inf)
-        start_s = 0.0
-        for i in range(n):
-            start_s += gap_s(stream, u[U.wait, i], u[U.together, i])
+        state, lane = begun(seeds[r]), items[r]
+        start_s, count = 0.0, 0
+        while count < len(lane) - 1:
+            state = normals(uniforms(exponentials(state, wait), u), z)
+            start_s += gap_s(stream, wait[WAIT.gap], u[U.together])
             if start_s >= stream.stream_s:
                 break
-            draw_item(stream, lane[i], u[:, i], z[:, i])
-            lane[i, ITEM.passing_s] = start_s
-            lane[i, ITEM.passing_s] = delayed_s(lane, i, stream.speed_m_s)
-        for i in range(n):
+            draw_item(stream, lane[count], wait[WAIT.tilt], u, z)
+            lane[count, ITEM.passing_s] = start_s
+            lane[count, ITEM.passing_s] = delayed_s(lane, count, stream.speed_m_s)
+            count += 1
+        for i in range(count):
             lane[i, ITEM.passing_s] -= stream.start_s
+        for i in range(count, len(lane)):
+            fill(lane[i], np.inf)
 
 
 @compiled
-def draw_item(stream: Stream, item: Array, u: Array, z: Array) -> None:
-    """What one item is and how it lies, from its uniform and normal numbers."""
+def draw_item(stream: Stream, item: Array, tilt: float, u: Array, z: Array) -> None:
+    """What one item is and how it lies, from its exponential, uniform and normal numbers."""
     kind = 1 if u[U.kind] < stream.fruit_share else 0
     item[ITEM.across_m] = stream.half_width_m * (2.0 * u[U.across] - 1.0)
     item[ITEM.yaw_rad], item[ITEM.azimuth_rad] = math.pi * (u[U.yaw] - 0.5), 2.0 * math.pi * u[U.azimuth]
-    item[ITEM.tilt_rad] = min(stream.tilt_sigma_rad * math.sqrt(-2.0 * math.log1p(-u[U.tilt])), stream.tilt_max_rad)
+    item[ITEM.tilt_rad] = min(stream.tilt_sigma_rad * math.sqrt(2.0 * tilt), stream.tilt_max_rad)
     item[ITEM.length_m] = on_raster(stream, kind, 0, u[U.length])
     item[ITEM.width] = on_raster(stream, kind, 1, u[U.width])
     item[ITEM.thickness] = item[ITEM.width] * on_raster(stream, kind, 2, u[U.thickness])
@@ -269,24 +274,23 @@ def draw_item(stream: Stream, item: Array, u: Array, z: Array) -> None:
 
 
 @compiled
-def draw_reports(
-    stream: Stream, camera: CameraModel, items: Array, uniform: Array, normal: Array, reports: Array
-) -> None:
-    """Write what the statistical camera reports (R, M, REPORT) of items (R, N + 1, ITEM), from blocks of its own."""
-    n = normal.shape[1] // len(ERROR)
+def draw_reports(stream: Stream, camera: CameraModel, items: Array, seeds: Array, reports: Array) -> None:
+    """Write what the statistical camera reports (R, M, REPORT) of items (R, N + 1, ITEM); ``seeds`` as above."""
+    u, z, n = np.empty(len(SEEN)), np.empty(len(ERROR)), items.shape[1] - 1
     for r in range(len(items)):
-        u, z = uniform[r, : len(SEEN) * n].reshape(len(SEEN), n), normal[r].reshape(len(ERROR), n)
-        fill(reports[r, :, REPORT.passing_s], np.inf)
-        fill(reports[r, :, REPORT.item], items.shape[1] - 1.0)
+        state, said = begun(seeds[r]), reports[r]
+        fill(said[:, REPORT.passing_s], np.inf)
+        fill(said[:, REPORT.item], n)
         for i in range(n):
             if items[r, i, ITEM.passing_s] == np.inf:
                 break
-            if u[SEEN.seen, i] < camera.recall:
-                draw_report(stream, camera, items[r, i], u[SEEN.grade, i], z[:, i], reports[r, i])
-                reports[r, i, REPORT.item] = i
-        draw_ghosts(stream, camera, uniform[r, len(SEEN) * n :], reports[r, n:])
-        for m in range(reports.shape[1]):
-            reports[r, m, REPORT.seen_s] = reports[r, m, REPORT.passing_s] + camera.report_s
+            state = normals(uniforms(state, u), z)
+            if u[SEEN.seen] < camera.recall:
+                draw_report(stream, camera, items[r, i], u[SEEN.grade], z, said[i])
+                said[i, REPORT.item] = i
+        draw_ghosts(stream, camera, state, said[n:])
+        for m in range(len(said)):
+            said[m, REPORT.seen_s] = said[m, REPORT.passing_s] + camera.report_s
 
 
 @compiled
@@ -294,8 +298,9 @@ def draw_report(stream: Stream, camera: CameraModel, item: Array, u: float, z: A
     """What the camera says of one item that it sees."""
     true_grade = int(item[ITEM.grade])
     lean = camera.tilt_sigma_rad[true_grade // 2]
-    lean_x = item[ITEM.tilt_rad] * math.cos(item[ITEM.azimuth_rad]) + lean * z[ERROR.lean_x]
-    lean_y = item[ITEM.tilt_rad] * math.sin(item[ITEM.azimuth_rad]) + lean * z[ERROR.lean_y]
+    sine, cosine = sine_cosine(item[ITEM.azimuth_rad])
+    lean_x = item[ITEM.tilt_rad] * cosine + lean * z[ERROR.lean_x]
+    lean_y = item[ITEM.tilt_rad] * sine + lean * z[ERROR.lean_y]
     length = 1.0 + camera.length_sigma * z[ERROR.length]
     report[REPORT.passing_s] = (
         item[ITEM.passing_s] - (camera.bias_m[0] + camera.sigma_m[0] * z[ERROR.along]) / stream.speed_m_s
@@ -304,7 +309,7 @@ def draw_report(stream: Stream, camera: CameraModel, item: Array, u: float, z: A
     report[REPORT.up_m] = item[ITEM.up_m] + camera.bias_m[2] + camera.sigma_m[2] * z[ERROR.up]
     report[REPORT.yaw_rad] = item[ITEM.yaw_rad] + camera.yaw_sigma_rad[true_grade // 2] * z[ERROR.yaw]
     report[REPORT.tilt_rad] = math.sqrt(lean_x * lean_x + lean_y * lean_y)
-    report[REPORT.azimuth_rad] = math.atan2(lean_y, lean_x)
+    report[REPORT.azimuth_rad] = bearing(lean_y, lean_x)
     report[REPORT.length_m] = item[ITEM.length_m] * length
     report[REPORT.width] = min(item[ITEM.width] * (1.0 + camera.length_sigma * z[ERROR.width]) / length, 1.0)
     report[REPORT.thickness] = min(
@@ -317,19 +322,20 @@ def draw_report(stream: Stream, camera: CameraModel, item: Array, u: float, z: A
 
 
 @compiled
-def draw_ghosts(stream: Stream, camera: CameraModel, draws: Array, reports: Array) -> None:
+def draw_ghosts(stream: Stream, camera: CameraModel, state: Any, reports: Array) -> None:
     """Reports (G, REPORT) of nothing: a stain on the belt that looks like a small level item."""
-    u = draws[1:].reshape(len(GHOST), len(camera.ghosts))
+    u = np.empty(len(GHOST))
+    number, state = uniform(state)
     for g in range(len(camera.ghosts)):
         # The number of ghosts is the first whose cumulative probability exceeds the draw.
-        if draws[0] < camera.ghosts[g]:
+        if number < camera.ghosts[g]:
             break
-        report = reports[g]
-        report[REPORT.passing_s] = stream.stream_s * u[GHOST.passing, g] - stream.start_s
-        report[REPORT.across_m] = stream.half_width_m * (2.0 * u[GHOST.across, g] - 1.0)
+        state, report = uniforms(state, u), reports[g]
+        report[REPORT.passing_s] = stream.stream_s * u[GHOST.passing] - stream.start_s
+        report[REPORT.across_m] = stream.half_width_m * (2.0 * u[GHOST.across] - 1.0)
         report[REPORT.up_m] = _GHOST_CENTRE_M
-        report[REPORT.yaw_rad] = math.pi * (u[GHOST.yaw, g] - 0.5)
+        report[REPORT.yaw_rad] = math.pi * (u[GHOST.yaw] - 0.5)
         report[REPORT.tilt_rad] = report[REPORT.azimuth_rad] = 0.0
-        report[REPORT.length_m] = camera.ghost_length_m + 0.01 * u[GHOST.length, g]
-        report[REPORT.width], report[REPORT.thickness] = 0.65 + 0.3 * u[GHOST.width, g], _GHOST_THICKNESS
-        report[REPORT.grade] = min(math.floor(4.0 * u[GHOST.grade, g]), 3.0)
+        report[REPORT.length_m] = camera.ghost_length_m + 0.01 * u[GHOST.length]
+        report[REPORT.width], report[REPORT.thickness] = 0.65 + 0.3 * u[GHOST.width], _GHOST_THICKNESS
+        report[REPORT.grade] = min(math.floor(4.0 * u[GHOST.grade]), 3.0)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...kernels import compiled, fill
+from ...kernels.angles import sine_cosine
 from ...motion import orientation
 from ..core import Array, Rows
 from .columns import (
@@ -35,9 +36,18 @@ _REFUSED_LEAVES_M = 0.10
 """What cannot be gripped is shown until it has left the place where others are."""
 _NEVER_S = -1e9
 
-turned = compiled(orientation.tilted_parts)
+_tilted_by = compiled(orientation.tilted_by)
 x_axis, z_axis = compiled(orientation.x_axis), compiled(orientation.z_axis)
 """Parts of ``motion.orientation`` for single turns."""
+
+
+@compiled
+def turned(tilt: float, azimuth: float, yaw: float) -> tuple[float, float, float, float]:
+    """``motion.orientation.tilted`` of one turn."""
+    st, ct = sine_cosine(0.5 * tilt)
+    sy, cy = sine_cosine(0.5 * yaw)
+    sa, ca = sine_cosine(azimuth)
+    return _tilted_by(st, ct, sy, cy, sa, ca)
 
 
 def wrapped(yaw: Any) -> Any:
@@ -189,13 +199,13 @@ def prepare(tables: Tables, report: Array, number: Array, feature: Array) -> Non
     number[NUMBER.carry_s] = max(stroke_s(aside, paces.pace, paces.square_pace), least)
     number[NUMBER.height_m], number[NUMBER.descend_s] = z, down
 
-    narrow = (1.0 - report[REPORT.width]) * math.sin(yaw_seen - yaw)
-    flat = (1.0 - report[REPORT.thickness]) * math.sin(tilt_seen - tilt)
+    narrow = (1.0 - report[REPORT.width]) * sine_cosine(yaw_seen - yaw)[0]
+    flat = (1.0 - report[REPORT.thickness]) * sine_cosine(tilt_seen - tilt)[0]
     misfit = narrow * narrow + flat * flat
     quality = grip_quality(tables.fingers, 0.0, 0.0, 0.0, misfit)
     feature[CANDIDATE.present] = 1.0
     feature[CANDIDATE.across] = shown(y / PLACE_SCALE_M)
-    feature[CANDIDATE.cos_2yaw], feature[CANDIDATE.sin_2yaw] = math.cos(2.0 * yaw_seen), math.sin(2.0 * yaw_seen)
+    feature[CANDIDATE.sin_2yaw], feature[CANDIDATE.cos_2yaw] = sine_cosine(2.0 * yaw_seen)
     feature[CANDIDATE.tilt], feature[CANDIDATE.turn] = shown(tilt_seen / TILT_SCALE_RAD), turn / TURN_SCALE_RAD
     feature[CANDIDATE.length] = shown(report[REPORT.length_m] / LENGTH_SCALE_M)
     for other in range(KINDS):
