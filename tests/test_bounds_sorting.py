@@ -79,7 +79,7 @@ def test_some_toys_are_proven():
     assert any(sorting.instance_of(toy(seed)).bound().proven for seed in range(4))
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", [1, 2, 4, 5])
 def test_a_proven_optimum_can_be_carried_out(seed):
     """The rules give, pick by pick, what the bound says that nothing can beat."""
     config = SortingConfig()
