@@ -1,7 +1,7 @@
 """Uniform, standard normal and standard exponential numbers from the steps of a generator, as NumPy makes them.
 
-A generator is the NamedTuple of its state; what a step of it is, is bound to its kind (``kernels.binding``). Numbers are
-NumPy's, bit for bit: 53 bits, and ziggurats of 256 layers.
+A generator is the NamedTuple of its state; what a step of it is, is bound to its kind (``kernels.binding``). Numbers
+are NumPy's, bit for bit: 53 bits, and ziggurats of 256 layers.
 """
 
 from __future__ import annotations

@@ -77,7 +77,9 @@ def test_numbers_of_an_item_are_of_no_other_and_of_no_neighbour(drawn: Any) -> N
 def test_reports_follow_the_laws_of_the_camera(drawn: Any) -> None:
     items, said, _, batch = drawn
     seen = np.isfinite(said[:, REPORT.passing_s])
-    assert seen.mean() == pytest.approx(CAMERA.recall, abs=4.0 * np.sqrt(CAMERA.recall * (1 - CAMERA.recall) / len(seen)))
+    assert seen.mean() == pytest.approx(
+        CAMERA.recall, abs=4.0 * np.sqrt(CAMERA.recall * (1 - CAMERA.recall) / len(seen))
+    )
     items, said = items[seen], said[seen]
     kind = (items[:, ITEM.grade] // 2).astype(int)
     along = (items[:, ITEM.passing_s] - said[:, REPORT.passing_s]) * CONFIG.belt.speed_m_s

@@ -1,7 +1,7 @@
 """Draws streams of produce: when and where items come down the belt, how they lie, and what a camera reports of them.
 
-Each world's own generator begins two quick ones, of its stream and of what the camera makes of it. They hand out numbers
-item by item, as many as there are items: a stream depends neither on the camera nor on how many worlds are drawn beside.
+Each world's own generator begins two quick ones, of its stream and of what the camera makes of it. They hand out
+numbers item by item, as many as there are items: a stream depends neither on the camera nor on what is drawn beside it.
 """
 
 from __future__ import annotations
