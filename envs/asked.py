@@ -17,9 +17,22 @@ _OWN = ("action_masks", "np_random", "np_random_seed")
 class AskedByName(VectorEnv[Any, Any, NDArray[Any]]):
     """A batch whose worlds have attributes: what they share, what each has for itself, and what callers give them."""
 
+    _seeds: list[int]
+    _generators: list[np.random.Generator | None]
+
     def __init__(self) -> None:
         """Nothing was given yet."""
         self._named: dict[str, tuple[Any, ...]] = {}
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The seed of every world, -1 before its first reset."""
+        return tuple(self._seeds)
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
+        """The generator of every world, None before its first reset."""
+        return tuple(self._generators)
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are possible now, bool (num_envs, n)."""

@@ -101,16 +101,14 @@ class Assembly(Generic[ConfigT]):
         best = "camera" if backend == "pybullet" else "model"
         return best if best in self.perceptions else self.perceptions[-1]
 
-    def batched(self, backend: str, perception: str | None, render_mode: str | None) -> str:
+    def batched(self, backend: str, perception: str | None) -> str:
         """Perception of a batch, once it is clear that what was asked for can be batched.
 
         Raises:
-            ValueError: an argument is unknown, or needs a machine or a picture for people a world.
+            ValueError: an argument is unknown, or needs a machine a world.
         """
         if choice("backend", backend, BACKENDS) != "analytic":
             raise ValueError("backend = 'pybullet' is not batched: pass vectorization_mode=\"async\" to gym.make_vec")
-        if render_mode is not None:
-            raise ValueError(f"render_mode = {show(render_mode)}: a batch draws no pictures for people, use None")
         return choice("perception", _given(perception, self.default_perception(backend)), self.perceptions)
 
     def perception_model(self, perception: str, config: ConfigT) -> Any:
@@ -147,7 +145,8 @@ class Assembly(Generic[ConfigT]):
             config = override(config, {"scenario": self.scenario(scenario)})
         for name, value in (settings or {}).items():
             if name not in self.settings:
-                raise TypeError(f"unexpected keyword argument {name!r}: {meant(name, (*KEYWORDS, *self.settings))}")
+                told = meant(name, (*KEYWORDS, *self.settings))
+                raise TypeError(f"got an unexpected keyword argument {name!r}: {told}")
             if value is not None:
                 setting = self.settings[name]
                 config = override(config, {setting: value}) if isinstance(setting, str) else setting(config, value)

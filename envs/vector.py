@@ -14,8 +14,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from .asked import AskedByName
 from .assembly import Assembly, backend_of, choice
+from .batch_pictures import Pictured
 from .cameras import Cameras
 from .core import Array, OutcomeT, Page, PlanT, TaskCore
 from .ended import Ended
@@ -41,7 +41,7 @@ class Ending(NamedTuple):
     numbers: Array
 
 
-class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
+class TaskVectorEnv(Pictured, Generic[PlanT, OutcomeT]):
     """``num_envs`` worlds stepped as one; bit for bit what as many single environments give on equal seeds.
 
     A task's batched environment is a subclass with its ``assembly`` and a docstring. PyBullet machines run one a
@@ -60,10 +60,13 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
             ``info["final_info"]``) or ``DISABLED`` (the caller resets with ``options={"reset_mask": ...}``; until then
             a world that is over stays so: whatever is chosen for it, it gives reward 0, its last observation and
             scorecard, and ``terminated`` or ``truncated`` again).
-        render_mode: None: the batch draws nothing for people.
-        observation: as in ``TaskEnv``, like the next two.
+        render_mode: ``"rgb_array"`` (``render`` returns a picture of every world) or None.
+        observation: as in ``TaskEnv``, like the next five.
         pixel_rows: see there.
         depth: see there.
+        camera: see there.
+        width: see there.
+        height: see there.
         threads: step so many shares of the worlds side by side, bit for bit as one thread does; for thousands of worlds
             on as many free processors, since handing a step over takes some 0.2 ms.
         **settings: see ``scenario``.
@@ -73,7 +76,6 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
     """
 
     assembly: ClassVar[Assembly[Any]]
-    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012
 
     def __init__(
         self,
@@ -89,16 +91,19 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
         observation: str = "features",
         pixel_rows: int = DEFAULT_ROWS,
         depth: bool = False,
+        camera: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
         threads: int = 1,
         **settings: Any,
     ):
         """Put the parts together."""
-        super().__init__()
         given = settings
         parts, settings = self.equipped(settings)
+        super().__init__(parts, render_mode, (camera, width, height))
         asked = backend_of(backend, engine)
         backend = "analytic" if asked is None else asked
-        perception = parts.batched(backend, perception, render_mode)
+        perception = parts.batched(backend, perception)
         self.shown = Shown.checked(observation, pixel_rows, depth, parts.view is not None)
         config = parts.configured(scenario, config, overrides, settings)
         self.backend, self.perception, self.scenario = backend, perception, parts.name_of(config.scenario)
@@ -109,6 +114,7 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self.autoreset_mode = AutoresetMode(choice("autoreset_mode", mode, [each.value for each in AutoresetMode]))
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self.metadata["render_fps"] = 1.0 / parts.mean_decision_s(self.scenario)
         self.cameras = self._equip()
         self._team = Team(threads, core, sees=self.cameras is not None)
         known = core.observation_space
@@ -124,7 +130,7 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
 
     def __getstate__(self) -> dict[str, Any]:
         """What a copy takes over: all but the cameras, which look at the worlds of this one."""
-        return {**vars(self), "cameras": None, "_copied": self.cameras.played if self.cameras else []}
+        return {**vars(self), "cameras": None, "_album": None, "_copied": self.cameras.played if self.cameras else []}
 
     def __setstate__(self, copied: dict[str, Any]) -> None:
         """Become a copy, with cameras that have seen the same."""
@@ -259,21 +265,10 @@ class TaskVectorEnv(AskedByName, Generic[PlanT, OutcomeT]):
         self._ready = True
         return self._standing(np.ones(self.num_envs, bool))
 
-    @property
-    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
-        """The seed of every world, -1 before its first reset."""
-        return tuple(self._seeds)
-
-    @property
-    def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
-        """The generator of every world, None before its first reset."""
-        return tuple(self._generators)
-
     def close_extras(self, **kwargs: Any) -> None:
         """Free what cameras hold, and let threads go."""
         self._team.close()
-        if self.cameras:
-            self.cameras.close()
+        self._close_pictures()
 
     def _restart(self, core: Rules, where: slice, rows: NDArray[np.int64], fields: Any = None) -> None:
         """Give new episodes to ``rows`` of the worlds ``where``, whose rules ``core`` are."""

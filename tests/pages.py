@@ -55,7 +55,7 @@ NOT_RUN = {
     "python scripts/clone_policy.py": "learns for a minute; test_clone runs it on a small set",
     "python scripts/growth.py": "measures for hours; tests run its parts",
     "python -m fieldgym.scripts.compare_renderers": "measures for minutes; test_compare_renderers runs it on a camera",
-    "python -m rl_zoo3.train": "needs an environment of its own: it pins another Gymnasium",
+    "python -m rl_zoo3.": "learns for minutes; test_gymnasium_wrappers trains and enjoys for some decisions",
     "python3.11 -m venv rllib": "likewise, for RLlib",
     "rllib/bin/": "likewise",
 }

@@ -1,7 +1,7 @@
 """What Gymnasium's own tests ask of its environments, asked of every id on both backends; batches in the file beside.
 
 The demands are those of ``tests/envs``, ``tests/utils`` and ``tests/wrappers`` in Gymnasium's repository;
-``gymnasium_s_own.py`` runs that repository's own files over these ids.
+``scripts/gymnasium_tests.py`` runs that repository's own files over these ids.
 """
 
 import pickle

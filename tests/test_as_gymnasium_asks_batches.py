@@ -1,5 +1,6 @@
 """What Gymnasium's own tests ask of vector environments, asked of every id's own batch and of both of Gymnasium's."""
 
+import copy
 from typing import Any
 
 import gymnasium as gym
@@ -217,8 +218,39 @@ def test_a_batch_of_gymnasium_s_shows_a_picture_a_world(env_id, backend):
     assert env.render_mode == "rgb_array" and isinstance(pictures, tuple) and len(pictures) == 2
     assert all(picture.shape[1:] == (64, 3) and picture.dtype == np.uint8 for picture in pictures)
     env.close()
-    with pytest.raises(ValueError, match="a batch draws no pictures for people"):
-        gym.make_vec(env_id, 2, "vector_entry_point", render_mode="rgb_array")
+    with pytest.raises(ValueError, match=r"^render_mode = 'human' is unknown: choose one of 'rgb_array'$"):
+        gym.make_vec(env_id, 2, "vector_entry_point", render_mode="human")
+
+
+@pytest.mark.parametrize("env_id", OWN)
+def test_the_task_s_own_batch_shows_what_its_worlds_would_show_alone(env_id):
+    """Before, within and after an episode, also of a copy, from the camera and of the size that were asked for."""
+    asked: Any = {"render_mode": "rgb_array", "width": 48, "camera": "overview"}
+    env: Any = worlds_of(env_id, "vector_entry_point", worlds=2, **asked)
+    alone: Any = worlds_of(env_id, "sync", worlds=2, **asked)
+    assert env.render_mode == "rgb_array" and env.metadata["render_modes"] == ["rgb_array"]
+    assert env.metadata["render_fps"] == alone.envs[0].metadata["render_fps"]
+    with pytest.raises(gym.error.ResetNeeded):
+        env.render()
+    observation, _ = env.reset(seed=[1, 2])
+    alone.reset(seed=[1, 2])
+    rng = np.random.default_rng(6)
+    for batch in (env, copy.deepcopy(env)):
+        for _ in range(2):
+            assert all(map(np.array_equal, batch.render(), alone.render())) and batch.render()[0].shape[1:] == (48, 3)
+            actions = chosen(observation["action_mask"], rng, hurry=0.0)
+            observation, *_ = batch.step(actions)
+            alone.step(actions)
+        alone.reset(seed=[1, 2])
+        observation = {"action_mask": alone.call("action_masks")}
+    env.close()
+    with pytest.raises(gym.error.ClosedEnvironmentError):
+        env.render()
+    unseen: Any = worlds_of(env_id, "vector_entry_point", worlds=2)
+    unseen.reset(seed=0)
+    assert unseen.render() is None
+    unseen.close()
+    alone.close()
 
 
 COUNTED = [("vector_entry_point", mode) for mode in MODES]
