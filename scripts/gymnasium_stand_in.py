@@ -20,11 +20,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
+from gymnasium.envs import classic_control
 from gymnasium.envs.classic_control import cartpole
-from gymnasium.envs.registration import EnvSpec, load_env_creator
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector.utils import batch_space
 
 import fieldgym
+from fieldgym.envs.references import resolved
 
 STAND_IN, TOLD, WHICH = "FIELDGYM_STAND_IN", "FIELDGYM_TOLD", "FIELDGYM_WHICH"
 """Variables: who stands in, the file that outcomes are appended to, and which tests are run."""
@@ -67,8 +69,8 @@ def specs() -> list[EnvSpec]:
 
 
 ENV_ID, _, BACKEND = os.environ.get(STAND_IN, "fieldgym/SafflowerPicking-v0 analytic").partition(" ")
-_single: Any = load_env_creator(fieldgym.task(ENV_ID).entry_point)
-_batch: Any = load_env_creator(fieldgym.task(ENV_ID).vector_entry_point)
+_single: Any = resolved(fieldgym.task(ENV_ID).entry_point)
+_batch: Any = resolved(fieldgym.task(ENV_ID).vector_entry_point)
 # A picture of the field for every observation would be most of the time; the tests of all ids have it.
 _usual: dict[str, Any] = {"perception": "perfect"}
 
@@ -127,7 +129,7 @@ class CartPoleVectorEnv(_batch):
 
 def pytest_configure() -> None:
     """Take CartPole's place, with nobody watching."""
-    for module in (cartpole, gym.envs.classic_control):
+    for module in (cartpole, classic_control):
         module.CartPoleEnv = CartPoleEnv  # type: ignore[attr-defined]
     cartpole.CartPoleVectorEnv = CartPoleVectorEnv  # type: ignore[misc]
     from fieldgym.envs import screen
