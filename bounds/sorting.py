@@ -23,6 +23,7 @@ from ..envs.sorting.state import Tables
 from ..envs.sorting.timing import hold_s, stroke_s
 from .base import Bound, check_method, check_start, relative_gap, state_of
 from .belt import Belt, Stream, best_picks, decided_late, expand, finish_s
+from .orders import Lines, most_filled, priced_orders
 from .timeline import Timeline, priced
 
 Array = NDArray[np.float64]
@@ -50,6 +51,7 @@ class SortingInstance:
         leave_s: (M,), when each candidate leaves the slots, those that are shown and never picked too.
         seen_s: (M,), when it enters them.
         words: what was assumed of the camera.
+        lines: what is ordered; None where every item counts.
     """
 
     belt: Belt
@@ -61,6 +63,7 @@ class SortingInstance:
     leave_s: Array
     seen_s: Array
     words: str
+    lines: Lines | None = None
 
     def bound(self, method: str = "relaxation", time_limit_s: float = 30.0) -> Bound:
         """What no policy can beat; see ``Instance``. Both methods are the same: the search is complete where it can be.
@@ -74,6 +77,8 @@ class SortingInstance:
             raise ValueError(f"{weights}: the bound needs placed >= 0 and everything else <= 0")
         began = time.perf_counter()
         counted = self._counted
+        if self.lines is not None:
+            return self._packed(self.lines, counted, time_limit_s)
         most, order_n, proven_n = _best(self.belt, counted, self.labels, time_limit_s)
         value, order_v, proven_v = _best(self.belt, self.placed, self.labels, time_limit_s)
         most = math.floor(most + 1e-6)
@@ -87,6 +92,17 @@ class SortingInstance:
         words = "all orders of picks, by dominance over the sets picked" if searched else "paths in time, items priced"
         proven = searched and gap == 0.0
         return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", proven, gap, time.perf_counter() - began)
+
+    def _packed(self, lines: Lines, counted: Stream, time_limit_s: float) -> Bound:
+        """The bound where things fill order lines: by number, where surplus is nothing, and by value."""
+        began = time.perf_counter()
+        surplus = self.config.scenario.orders.surplus
+        most, _ = _filled(self.belt, counted, lines, 0.0, time_limit_s)
+        value, _ = _filled(self.belt, self.placed, lines, surplus, time_limit_s)
+        net_rate = math.floor(most + 1e-6) / max(self.items, 1)
+        words = f"paths in time, items and order lines priced, bins never away; {self.words}"
+        seconds = time.perf_counter() - began
+        return Bound(net_rate, value, self.cycle_time_at(net_rate), words, False, math.nan, seconds)
 
     def cycle_time_at(self, net_rate: float) -> float:
         """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had."""
@@ -145,6 +161,25 @@ def _best(belt: Belt, stream: Stream, labels: int, seconds: float) -> tuple[floa
     return min(found.bound, float(stream.gain.sum())), order, False
 
 
+def _filled(belt: Belt, stream: Stream, lines: Lines, surplus: float, seconds: float) -> tuple[float, float]:
+    """What things can bring that fill order lines, and what the best schedule found brings, with bins never away."""
+    paths = expand(belt, stream, TICK_S)
+    n = len(stream.gain)
+    graph = Timeline(*paths, np.arange(n + 1), np.arange(n), np.ones(n))
+    earliest_s = stream.passing_s + stream.first_m / belt.paces.speed_m_s + stream.hold_s + stream.least_s
+    guess = stream.hold_s + 2.0 * stream.least_s
+    bound, found = priced_orders(graph, lines, stream.bin, stream.gain, surplus, guess, time_limit_s=seconds)
+    return min(bound, most_filled(lines, stream.bin, earliest_s, stream.gain, surplus)), found
+
+
+def _lines(worlds: Any, row: int) -> Lines | None:
+    """What is ordered in a world; None where every item counts."""
+    there = worlds.line_count[row] > 0
+    if not there.any():
+        return None
+    return Lines(worlds.line_grade[row, there], worlds.line_count[row, there], worlds.line_due_s[row, there])
+
+
 def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInstance:
     """What stands in a world of the rules right after its reset.
 
@@ -163,12 +198,13 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
     places = np.vstack([tables.bins, worlds.place[row]])
     limit_s = min(tables.time_limit_s, float(worlds.end_s[row]))
     belt = Belt(tables.paces, places, limit_s)
-    items = int(worlds.totals[row, TOTAL.items])
+    items, lines = int(worlds.totals[row, TOTAL.items]), _lines(worlds, row)
     if reports == "any":
         placed = _any(worlds, tables, config, row)
         nothing = np.zeros(0)
         words = "any reports, so no error and every turn of the tool"
-        return SortingInstance(belt, _ready(belt, placed), items, config, FEW_LABELS, False, nothing, nothing, words)
+        ready = _ready(belt, placed)
+        return SortingInstance(belt, ready, items, config, FEW_LABELS, False, nothing, nothing, words, lines)
     there = worlds.queue[row, : worlds.queued[row]]
     stray = (0.0, 0.0) if reports == "drawn" else (STRAY_M, STRAY_RAD)
     held = _held(worlds, tables, row, there, *stray)
@@ -185,6 +221,7 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
         worlds.leave_s[row, there].copy(),
         worlds.seen_s[row, there].copy(),
         words,
+        lines,
     )
 
 

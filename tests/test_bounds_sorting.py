@@ -123,7 +123,9 @@ def test_no_policy_beats_the_bound(scenario, no_policy_beats):
         assert strays.net_rate >= drawn.net_rate and strays.episode_return >= drawn.episode_return - EXACT
         assert not strays.proven
         # The work of drives that err may be done anywhere: their bound is one of any reports too, and proves no gap.
-        assert drawn.gap < 0.03 if scenario != "field" else not drawn.proven and np.isnan(drawn.gap)
+        # Of orders nobody has carried the best path out.
+        loose = scenario in ("field", "orders")
+        assert drawn.gap < 0.03 if not loose else not drawn.proven and np.isnan(drawn.gap)
 
 
 @pytest.mark.parametrize("scenario", ["load-0.7", "load-1.6"])

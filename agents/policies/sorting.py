@@ -136,6 +136,22 @@ class Picks(NamedTuple):
 
 
 @compiled
+def over_bin(problem: Picks, w: int, x: float, y: float, clock_s: float, candidate: int) -> tuple[float, bool]:
+    """When the platform, level at ``x``, ``y`` at the clock's time, is over an item's bin with it; whether it can."""
+    paces, least, first_m = problem.paces, problem.turn_s[w, candidate], problem.first_m[w, candidate]
+    place = problem.bins[problem.goal[w, candidate]]
+    v, pace, square_pace = paces.speed_m_s, paces.pace, paces.square_pace
+    now, across = problem.along_m[w, candidate] + v * clock_s, problem.across_m[w, candidate]
+    aside = across - y
+    approach = approach_s(v, now, first_m, x, aside * aside, 0.0, pace, square_pace, least, 0.0)
+    meet = max(now + v * approach, first_m)
+    lifted_s = clock_s + max((meet - now) / v, approach) + problem.hold_s
+    aside = place[1] - across
+    carry = way_s(place[0] - meet - v * problem.hold_s, aside * aside, 0.0, pace, square_pace, least)
+    return lifted_s + carry, meet <= problem.last_m[w, candidate]
+
+
+@compiled
 def extend(
     problem: Picks,
     w: int,
@@ -154,17 +170,8 @@ def extend(
     place, gain = problem.bins[problem.goal[w, candidate]], problem.gain[w, candidate]
     if first:
         return Step(place[0], place[1], z, problem.done_s[w, candidate], gain, True)
-    paces, least, first_m = problem.paces, problem.turn_s[w, candidate], problem.first_m[w, candidate]
-    v, pace, square_pace = paces.speed_m_s, paces.pace, paces.square_pace
-    now, across = problem.along_m[w, candidate] + v * clock_s, problem.across_m[w, candidate]
-    aside = across - y
-    approach = approach_s(v, now, first_m, x, aside * aside, 0.0, pace, square_pace, least, 0.0)
-    meet = max(now + v * approach, first_m)
-    lifted_s = clock_s + max((meet - now) / v, approach) + problem.hold_s
-    aside = place[1] - across
-    carry = way_s(place[0] - meet - v * problem.hold_s, aside * aside, 0.0, pace, square_pace, least)
-    possible = meet <= problem.last_m[w, candidate]
-    return Step(place[0], place[1], z, lifted_s + carry + paces.release_s, gain, possible)
+    over_s, possible = over_bin(problem, w, x, y, clock_s, candidate)
+    return Step(place[0], place[1], z, over_s + problem.paces.release_s, gain, possible)
 
 
 @compiled
@@ -238,10 +245,10 @@ class PickPlanner(ConfiguredPolicy):
             order=np.argsort(-along, axis=1, kind="stable"),
         )
 
-    def _plan(self, problem: Any, picks: Picks) -> Actions:
-        """First pick (B,) of the best sequence; waits where nothing is possible."""
+    def _plan(self, problem: Any, picks: Picks, waiting: float = -np.inf) -> Actions:
+        """First pick (B,) of the best sequence; waits where nothing is possible, or worth more than ``waiting``."""
         worlds, k = picks.present.shape
-        idle = np.full(worlds, -np.inf)
+        idle = np.full(worlds, waiting)
         count = picks.present.sum(axis=1)
         start = np.zeros((worlds, 3))
 
@@ -292,8 +299,3 @@ class RecedingHorizon(PickPlanner):
             gain = gain * table[..., CANDIDATE.value]
         picks = self._picks(observation, gain, self._price)
         return self._plan(picks, picks)
-
-
-def receding_horizon_by_value(env: Any, seed: int) -> RecedingHorizon:
-    """``receding-horizon-value``: counts values instead of items."""
-    return RecedingHorizon(env.unwrapped.core.config, by_value=True)

@@ -19,6 +19,7 @@ from ...mechanisms import ThreePRRS
 from ...simulation.assets import asset_text
 from ...simulation.sorter_model import SorterParameters
 from ..drives import DriveErrors, LinearDrive, RotaryDrive
+from .order_config import OrderConfig
 
 GRADES = ("ware", "seed", "ripe", "green")
 """Large tubers, small tubers, ripe fruits, unripe fruits: two shapes, two colours."""
@@ -236,9 +237,17 @@ class ScenarioConfig(Config):
     """The episode is cut off then."""
     drives: DriveErrors = nested(DriveErrors)
     """Errors of sliders and swings."""
+    orders: OrderConfig = nested(OrderConfig)
+    """What is packed, until when; none as it stands."""
 
     def check(self) -> None:
-        """Clumps cannot come slower than the stream itself."""
+        """Clumps cannot come slower than the stream itself, and cut-offs not after all is over."""
+        last_s = self.orders.every_s * self.orders.shipments
+        if last_s > self.time_limit_s:
+            self.refuse(
+                "orders.shipments",
+                f"the last leaves after {last_s:g} s: at most time_limit_s = {self.time_limit_s:g} s",
+            )
         if (1.0 - 1.0 / self.clump) * self.clump_gap_s >= 1.0 / self.rate_hz:
             self.refuse("clump_gap_s", f"an item comes every {1.0 / self.rate_hz:.3g} s: give less, or a smaller clump")
 
@@ -269,8 +278,10 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "load-1.6": ScenarioConfig(1.6),
     "clumped-1.25": ScenarioConfig(1.25, clump=4.0),
     "field": ScenarioConfig(1.25, clump=4.0, drives=WORN),
+    "orders": ScenarioConfig(1.6, orders=OrderConfig(shipments=4)),
 }
-"""``field`` is ``clumped-1.25`` on a machine that has worked for a season: produce comes as the harvester's web throws
+"""``orders`` is ``load-1.6`` packed to order: lorries leave while produce comes, each with lines of two grades.
+``field`` is ``clumped-1.25`` on a machine that has worked for a season: produce comes as the harvester's web throws
 it, and belts are tightened in winter."""
 
 

@@ -23,7 +23,9 @@ from .completing import check_fit, completed, window
 from .config import GRADES, PerceptionModel, SortingConfig
 from .drawing import CameraModel, Stream, draw_streams, report_streams
 from .errors import JOINTS, held_at, tool_error
-from .field import ProduceField, Streams, reports_of, stacked, unstacked
+from .field import ProduceField, Streams, booked, reports_of, stacked, unstacked
+from .order_columns import OrderedMachine, OrderedScores, Tallies
+from .orders import draw_orders, open_books, whole_book
 from .reports import begin_worlds, take_reports
 from .rules import apply_worlds, decide_worlds, end_phases, foresee_worlds, grip_worlds, plan_worlds, show_worlds
 from .state import PICK, WAIT, Grip, SorterPlan, Tables, Worlds
@@ -60,7 +62,11 @@ class SortingCore(ErringCore[SorterPlan, SorterOutcome]):
         """Allocate the state."""
         super().__init__(worlds)
         self.config, self.perception = config, perception
-        k, n = config.slots, config.scenario.max_items
+        k, n, self._orders = config.slots, config.scenario.max_items, config.scenario.orders
+        lines = self._orders.max_lines
+        if lines:
+            self.blocks = {**self.blocks, "machine": OrderedMachine, "scores": OrderedScores}
+            self.machine_features, self.score_names = names(OrderedMachine), names(OrderedScores)
         self.action_space = spaces.Discrete(k + 1)
         self.observation_space = observation_space(self, k, k + 1, LIMIT)
         self.tables = Tables.of(config)
@@ -68,7 +74,9 @@ class SortingCore(ErringCore[SorterPlan, SorterOutcome]):
         self._code = ABSENT if perception is None else int(Camera.of(perception).code[0])
         # Reports of nothing come on top; a real camera may report an item again.
         self._reports = n + len(self._camera.ghosts) if perception else 0
-        self.state = allocated(Worlds, worlds, items=n + 1, reports=(self._reports or 2 * n) + 1, slots=k)
+        sizes = {"items": n + 1, "reports": (self._reports or 2 * n) + 1, "slots": k}
+        bins, tallies = (len(GRADES), len(names(Tallies))) if lines else (0, 0)
+        self.state = allocated(Worlds, worlds, **sizes, lines=lines, bins=bins, tallies=tallies)
         self._drive(Servos.of(config.scenario.drives, *JOINTS))
         # What lies on the belt, one row an item, see ``columns.Item``. The last item stands for none.
         self.items = np.full((worlds, n + 1, len(Item._fields)), np.inf)
@@ -82,13 +90,14 @@ class SortingCore(ErringCore[SorterPlan, SorterOutcome]):
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Streams:
         """Draw new streams and what the camera reports of them."""
-        luck = self.draw_luck(generators)
+        luck, orders = self.draw_luck(generators), draw_orders(self._orders, generators)
         drawn = draw_streams(self._stream, self._camera, generators, self.items.shape[1] - 1, self._reports)
-        return drawn._replace(luck=luck)
+        return drawn._replace(luck=luck, orders=orders)
 
     def stack(self, fields: Sequence[ProduceField]) -> Streams:
         """The batch of fields in which nothing is missing."""
-        return stacked(fields, self.items.shape[1] - 1, self._reports)._replace(luck=self.luck_of(fields))
+        streams = stacked(fields, self.items.shape[1] - 1, self._reports)
+        return streams._replace(luck=self.luck_of(fields), orders=booked(fields, self._orders.max_lines))
 
     def unstack(self, batch: Streams) -> list[ProduceField]:
         """The fields of a batch."""
@@ -98,6 +107,8 @@ class SortingCore(ErringCore[SorterPlan, SorterOutcome]):
         """Put streams into ``rows``; the belt is full up to the reach, the platform rests in the middle."""
         self.items[rows] = batch.items
         self.take_luck(rows, batch.luck)
+        if batch.orders is not None:
+            open_books(self.state, rows, batch.orders)
         begin_worlds(self.tables, self.state, rows, self.items)
         self.episode[rows] += 1
         self.sensor_seed[rows] = batch.noise_seed
@@ -115,9 +126,10 @@ class SortingCore(ErringCore[SorterPlan, SorterOutcome]):
         code = ABSENT if whole.camera is None or not len(whole.camera) else whole.camera.code[0]
         if self.perception is None or code not in (ABSENT, self._code):
             whole = replace(whole, reports=None)
-        given, last = whole.drives, self.items.shape[1] - 1
+        given, book, last = whole.drives, whole.orders, self.items.shape[1] - 1
         whole = completed(whole, self.config, self._camera, self._code, generator)
         whole = self.with_whole_luck(whole, given, generator)
+        whole = replace(whole, orders=whole_book(book, self._orders, generator))
         check_fit(whole, self.config, last, self._reports)
         if self.perception is None or whole.reports is not None:
             return whole
@@ -184,6 +196,7 @@ class SortingCore(ErringCore[SorterPlan, SorterOutcome]):
             queued=reports,
             first=reports,
             slot_report=reports,
+            line_grade=len(GRADES),
         )
 
     def describe(self, plan: SorterPlan, result: StepResult, row: int = 0) -> str:

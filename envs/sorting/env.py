@@ -75,7 +75,18 @@ class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
     ``dropped`` (-0.5 on the way), ``wasted`` (-0.05 for a grip that held nothing).
 
     **Field**: a stream of produce (``ProduceField``): when each item passes, where it lies across the belt, its grade,
-    how it lies and its luck, and what the camera says of it. A file needs ``passing_s``, ``across_m`` and ``grade``.
+    how it lies and its luck, and what the camera says of it. A file needs ``passing_s``, ``across_m`` and ``grade``;
+    rows of the kind ``orders`` (``grade``, ``count``, ``due_s``) are its order book, which is drawn where it has none.
+
+    **Orders** (scenario ``"orders"``, or ``scenario.orders`` of any): lorries leave at cut-offs, each with lines that
+    want a count of one grade. An item in the bin of its grade fills the open line of that grade that is due first, if
+    it is let go by then; one that no line waits for brings ``surplus`` of its value. A bin that is full is swapped;
+    whoever comes with an item before an empty one stands there waits over it (in the phase ``release``). ``net_rate``
+    counts items that fill a line / items ordered, ``missed`` what was ordered and did not come in time; ``surplus``,
+    ``swaps`` and ``lines_full`` stand behind the other scores. ``machine`` then has 32 more numbers, eight a grade: the
+    bin's ``fill`` / what it holds, seconds until it is ``ready`` / 4 s, and of the three open lines that are due first
+    what is ``left`` / 6 and until when they are ``due`` / 20 s. ``cycle`` holds the wait for a bin, and ``value`` is
+    what the item would bring now.
 
     **Score**: ``info["scorecard"]``: ``net_rate`` = items in the right bin / all items of the stream, ``value_rate``
     the same by value, ``cycle_time_s`` = time until the last item was put into the right bin / items in the right bin
@@ -83,8 +94,8 @@ class ProduceSortingEnv(TaskEnv[SorterPlan, SorterOutcome]):
     ``damaged`` (slipped out of the fingers on the way), ``wasted``, ``missed``, phases.
 
     Args:
-        scenario: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"``, ``"clumped-1.25"`` or ``"field"``
-            (a worn machine).
+        scenario: ``"load-0.7"``, ``"load-1.0"``, ``"load-1.25"``, ``"load-1.6"``, ``"clumped-1.25"``, ``"field"``
+            (a worn machine) or ``"orders"`` (``"load-1.6"`` packed to order: four lorries, two lines each).
         backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
         perception: ``"camera"`` renders images of the belt and finds the items in them, ``"model"`` draws from
             statistics measured on such images, ``"perfect"`` reports every item as it is. Default: camera with

@@ -72,6 +72,15 @@ class Sensor(Table):
     code: Whole = whole(0, 2**32 - 1, "check sum of what the reports were drawn from; another makes its own", "task")
 
 
+@dataclass(frozen=True, eq=False)
+class Orders(Table):
+    """An order book, a row a line."""
+
+    grade: Whole = label(GRADES, "what it wants")
+    count: Whole = whole(1, 10_000, "how many items of it")
+    due_s: Array = number("s", 0.0, _LONGEST_S, "until when, from the beginning of the episode")
+
+
 assert tuple(Items.columns()) == names(Item) and tuple(Reports.columns()) == names(Report)
 
 
@@ -84,6 +93,7 @@ class ProduceField(Field):
         reports: what the camera says; None: it is made from the items.
         camera: of the reports and of pictures.
         drives: luck of the machine's drives; None where none errs.
+        orders: what is packed; None where every item counts, or where the book is drawn.
     """
 
     task: ClassVar[str] = "sorting"
@@ -94,6 +104,7 @@ class ProduceField(Field):
     reports: Reports | None = None
     camera: Sensor | None = None
     drives: DriveLuck | None = None
+    orders: Orders | None = None
 
     @classmethod
     def toy(cls) -> tuple[Toy, ...]:
@@ -143,12 +154,14 @@ class Streams(NamedTuple):
         reports: (R, M, ``Report``); none at all where they come from outside.
         noise_seed: (R,), of rendered pictures.
         luck: (R, J), of the machines' drives; None where none errs.
+        orders: (R, lines, 3), grade, count and cut-off of order lines, empty ones at infinity; None without orders.
     """
 
     items: Array
     reports: Array
     noise_seed: Whole
     luck: Array | None = None
+    orders: Array | None = None
 
 
 def stacked(fields: Sequence[ProduceField], items: int, reports: int) -> Streams:
@@ -178,7 +191,22 @@ def unstacked(streams: Streams, code: int) -> list[ProduceField]:
             reports = reports_of(said, last)
         sensor = Sensor(np.array([seed]), np.array([code]))
         fields.append(ProduceField(Items(*there.T), reports, sensor))
-    return fields
+    if streams.orders is None:
+        return fields
+    books = [Orders(*book[np.isfinite(book[:, -1])].T) for book in streams.orders]
+    return [replace(field, orders=book) for field, book in zip(fields, books, strict=True)]
+
+
+def booked(fields: Sequence[ProduceField], lines: int) -> Array | None:
+    """The order books of complete fields side by side, with room for so many lines; None without any."""
+    if not lines:
+        return None
+    books = np.zeros((len(fields), lines, len(Orders.columns())))
+    books[..., -1] = np.inf
+    for book, field in zip(books, fields, strict=True):
+        if field.orders is not None:
+            book[: len(field.orders)] = _rows(field.orders)
+    return books
 
 
 def reports_of(said: Array, last: int) -> Reports:

@@ -25,6 +25,7 @@ from .columns import (
     TRUTH,
     TURN_SCALE_RAD,
 )
+from .orders import begin_orders
 from .process import Fingers, grip_quality, holds, slips
 from .reach import reach_m
 from .state import Tables, Worlds
@@ -74,6 +75,8 @@ def begin_worlds(tables: Tables, worlds: Worlds, rows: Rows, items: Array) -> No
                 totals[TOTAL.items] += 1.0
                 totals[TOTAL.worth] += tables.values[int(item[ITEM.grade])]
                 end_s = max(end_s, item[ITEM.passing_s] + tables.exit_s)
+        if worlds.line_left.shape[1]:
+            begin_orders(worlds, w, tables.values)
         worlds.end_s[w] = end_s
         fill(worlds.place[w], 0.0)
         fill(worlds.turn[w], 0.0)

@@ -14,6 +14,7 @@ from ..kernel_core import book
 from .columns import (
     CANDIDATE,
     CYCLE_SCALE_S,
+    LIMIT,
     MACHINE,
     NUMBER,
     PHASE,
@@ -28,12 +29,15 @@ from .columns import (
     Rewards,
     Scores,
 )
+from .order_columns import Tallies
+from .orders import blocked_s, deliver, fill_bin, lines_full, show_book, waiting_line
 from .reports import fate, show_reports, shown
 from .state import NOTHING, PICK, WAIT, Grip, SorterPlan, Tables, Worlds
 from .timing import look, turn_s
 
 _FEATURES = len(Candidate._fields)
 _PHASES, _REWARDS, _SCORES = len(Phases._fields), len(Rewards._fields), len(Scores._fields)
+_TALLIES = len(Tallies._fields)
 
 
 @compiled
@@ -83,6 +87,9 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> S
         phases_s[w, PHASE.descend], phases_s[w, PHASE.lift] = number[NUMBER.descend_s], number[NUMBER.descend_s]
         phases_s[w, PHASE.grip], phases_s[w, PHASE.carry] = paces.grip_s, seen.carry_s
         phases_s[w, PHASE.release] = paces.release_s
+        if worlds.bin_ready_s.shape[1]:
+            over_s = time_s + seen.wait_s + seen.approach_s + number[NUMBER.hold_s] + seen.carry_s
+            phases_s[w, PHASE.release] += blocked_s(worlds, w, grades[w], over_s)
     return SorterPlan(kinds, slot, reports, grades, start, start_turn, meet, grip, turn, axes, bins, phases_s)
 
 
@@ -146,8 +153,11 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: SorterPlan, grip: Grip, p
             item = worlds.report_item[w, report]
             if grip.held[w]:
                 worlds.item_free[w, item] = False
-                grade = int(worlds.item_truth[w, item, TRUTH.grade])
-                put_down(tables, grade, plan.grade[w], grip.lost[w], totals, rewards[w])
+                grade, reported, wanted = int(worlds.item_truth[w, item, TRUTH.grade]), plan.grade[w], True
+                if worlds.line_left.shape[1] and not grip.lost[w]:
+                    fill_bin(worlds, w, reported, tables.bin_holds, tables.swap_s, totals[TOTAL.time_s])
+                    wanted = grade == reported and deliver(worlds, w, grade, totals[TOTAL.time_s])
+                put_down(tables, grade, reported, grip.lost[w], wanted, totals, rewards[w])
                 copy(plan.bin[w], worlds.place[w])
                 fill(worlds.turn[w], 0.0)
                 worlds.turn[w, 0], worlds.level[w] = 1.0, True
@@ -179,15 +189,19 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: SorterPlan, grip: Grip, p
 
 
 @compiled
-def put_down(tables: Tables, grade: int, reported: int, lost: bool, totals: Array, rewards: Array) -> None:
-    """Book an item that was lifted: its true grade, the grade of its bin, and whether it fell on the way."""
+def put_down(
+    tables: Tables, grade: int, reported: int, lost: bool, wanted: bool, totals: Array, rewards: Array
+) -> None:
+    """Book an item that was lifted: its true grade, its bin's, whether it fell on the way and whether it is ordered."""
     if lost:
         totals[TOTAL.dropped] += 1.0
         rewards[REWARD.dropped] = tables.weights[REWARD.dropped]
         return
     totals[TOTAL.last_pick_s] = totals[TOTAL.time_s]
     totals[TOTAL.picks] += 1.0
-    if grade == reported:
+    if grade == reported and not wanted:
+        rewards[REWARD.placed] = tables.surplus * tables.values[grade] * tables.weights[REWARD.placed]
+    elif grade == reported:
         totals[TOTAL.last_placed_s] = totals[TOTAL.time_s]
         totals[TOTAL.placed] += 1.0
         totals[TOTAL.value] += tables.values[grade]
@@ -227,6 +241,11 @@ def observe_worlds(
             feature = candidates[w, k * _FEATURES : (k + 1) * _FEATURES]
             copy(worlds.feature[w, report], feature)
             cycle = seen.approach_s + seen.wait_s + seen.carry_s + number[NUMBER.hold_s] + paces.release_s
+            if worlds.line_left.shape[1]:
+                grade = worlds.report_grade[w, report]
+                cycle += blocked_s(worlds, w, grade, time_s + cycle - paces.release_s)
+                if waiting_line(worlds, w, grade, time_s + cycle) < 0:
+                    feature[CANDIDATE.value] = tables.surplus * tables.values[grade]
             slack = max(number[NUMBER.deadline_s] - time_s - seen.approach_s, -WAIT_SCALE_S)
             feature[CANDIDATE.along] = shown((time_s - number[NUMBER.passing_s]) * speed / PLACE_SCALE_M)
             feature[CANDIDATE.approach] = shown(seen.approach_s)
@@ -240,14 +259,20 @@ def observe_worlds(
         machine[w, MACHINE.turned] = math.sqrt(max(1.0 - worlds.turn[w, 0] * worlds.turn[w, 0], 0.0))
         machine[w, MACHINE.time] = shown(time_s / tables.time_limit_s)
         machine[w, MACHINE.in_view] = taken / slots
+        if worlds.line_left.shape[1]:
+            show_book(worlds, w, tables.bin_holds, LIMIT, machine[w])
 
 
 @compiled
-def score_worlds(totals: Array, rows: NDArray[np.int64], numbers: Array) -> None:
-    """Write the scorecard so far of ``rows`` into the last columns (B, .); the net rate counts every item."""
-    first = numbers.shape[1] - _SCORES
+def score_worlds(worlds: Worlds, rows: NDArray[np.int64], numbers: Array) -> None:
+    """Write the scorecard so far of ``rows`` into the last columns (B, .); the net rate counts every item.
+
+    Where there are orders it counts every item ordered, and what belongs to orders alone stands behind the rest.
+    """
+    ordered = worlds.line_left.shape[1] > 0
+    first = numbers.shape[1] - _SCORES - (_TALLIES + 1 if ordered else 0)
     for w in rows:
-        t, score = totals[w], numbers[w, first:]
+        t, score = worlds.totals[w], numbers[w, first:]
         per_minute = 60.0 / max(t[TOTAL.time_s], 1e-9)
         score[SCORE.net_rate] = t[TOTAL.placed] / max(t[TOTAL.items], 1.0)
         score[SCORE.cycle_time_s] = t[TOTAL.last_placed_s] / max(t[TOTAL.placed], 1.0)
@@ -264,6 +289,10 @@ def score_worlds(totals: Array, rows: NDArray[np.int64], numbers: Array) -> None
         score[SCORE.total] = t[TOTAL.items]
         score[SCORE.picks_per_min] = t[TOTAL.picks] * per_minute
         score[SCORE.pick_cycle_s] = t[TOTAL.last_pick_s] / max(t[TOTAL.picks], 1.0)
+        if ordered:
+            score[SCORE.missed] = t[TOTAL.items] - t[TOTAL.placed]
+            copy(worlds.tallies[w], score[_SCORES : _SCORES + _TALLIES])
+            score[_SCORES + _TALLIES] = lines_full(worlds, w)
 
 
 @compiled
@@ -278,7 +307,7 @@ def show_worlds(
     """What ``rows`` show; see ``KernelCore``."""
     (tables,), worlds = desk.rules, desk.worlds
     observe_worlds(tables, worlds, rows, machine, candidates, mask)
-    score_worlds(worlds.totals, rows, numbers)
+    score_worlds(worlds, rows, numbers)
 
 
 @compiled

@@ -39,6 +39,9 @@ class Tables(NamedTuple):
         weights: (4,), of ``Rewards``.
         time_limit_s: when the episode is cut off.
         exit_s: from x = 0 until an item has passed.
+        surplus: worth of an item that no order line waits for, as a share.
+        bin_holds: items in a bin, where there are orders.
+        swap_s: until a full one has been swapped.
     """
 
     fingers: Fingers
@@ -56,6 +59,9 @@ class Tables(NamedTuple):
     weights: Array
     time_limit_s: float
     exit_s: float
+    surplus: float
+    bin_holds: int
+    swap_s: float
 
     @classmethod
     def of(cls, config: SortingConfig) -> Tables:
@@ -78,6 +84,9 @@ class Tables(NamedTuple):
             weights=np.array([getattr(weights, name) for name in names(Rewards)]),
             time_limit_s=float(config.scenario.time_limit_s),
             exit_s=float(belt.exit_x_m / belt.speed_m_s),
+            surplus=float(config.scenario.orders.surplus),
+            bin_holds=int(config.scenario.orders.bin_holds),
+            swap_s=float(config.scenario.orders.swap_s),
         )
 
 
@@ -122,6 +131,20 @@ class Worlds(NamedTuple):
     """Whether that is none."""
     totals: Annotated[Array, shaped(Totals)]
     """See ``Totals``."""
+    line_grade: Annotated[NDArray[np.int64], shaped("lines")]
+    """What an order line wants, in the order of their cut-offs; this and what follows is empty without orders."""
+    line_count: Annotated[NDArray[np.int64], shaped("lines")]
+    """How many of it."""
+    line_left: Annotated[NDArray[np.int64], shaped("lines")]
+    """How many of them it still lacks."""
+    line_due_s: Annotated[Array, shaped("lines", empty=np.inf)]
+    """Until when."""
+    bin_items: Annotated[NDArray[np.int64], shaped("bins")]
+    """What lies in the bin of each grade, right or wrong."""
+    bin_ready_s: Annotated[Array, shaped("bins")]
+    """When the bin that was swapped last stands there."""
+    tallies: Annotated[Array, shaped("tallies")]
+    """See ``order_columns.Tallies``."""
 
 
 class SorterPlan(NamedTuple):

@@ -135,7 +135,8 @@ class SorterView(View[SorterPlan]):
             motion = PickMotion(self._config, plan)
             way = motion.sample(times - waiting_s, held)
             closing_s = waiting_s + motion.closing_s
-            opens_s, open_s = elapsed_s - float(result.phases_s[0, PHASE.release]), elapsed_s
+            # Before an empty bin stands there, the fingers stay shut.
+            opens_s, open_s = elapsed_s - self._config.grip.release_s, elapsed_s
             shut_m = _EMPTY_GAP_M
             if held:
                 lies = core.items[0, item]
@@ -196,7 +197,8 @@ class SorterView(View[SorterPlan]):
     def _lay(self, item: int, grade: int) -> None:
         number = int(self._in_bin[grade])
         self._in_bin[grade] += 1
-        if number % BIN_HOLDS == 0:
+        orders = self._config.scenario.orders
+        if number % (orders.bin_holds if orders.shipments else BIN_HOLDS) == 0:
             # A full bin is exchanged for an empty one.
             self._binned = [entry for entry in self._binned if entry[0] != grade]
         # The long ones lie along the belt: a bin is not much wider than two of them.
