@@ -20,8 +20,8 @@ from .timeline import Timeline, follow, longest_path
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-_PATIENCE, _MEMORY = 6, 0.6
-"""See ``timeline``."""
+_PATIENCE, _MEMORY = 25, 0.9
+"""See ``timeline``; here the best schedule found is far from the bound, so that steps are long and turn often."""
 
 
 class Lines(NamedTuple):
@@ -70,7 +70,7 @@ def priced_orders(
     gain: Array,
     surplus: float,
     guess: Array,
-    rounds: int = 120,
+    rounds: int = 600,
     time_limit_s: float = 30.0,
     tolerance: float = 1e-4,
 ) -> tuple[float, float]:

@@ -21,7 +21,7 @@ class OrderConfig(Config):
     """
 
     shipments: int = num(0, 0, 16, "")
-    """Lorries that leave while produce comes; 0: no orders."""
+    """Lorries that leave while produce comes; 0: no orders [assumed]."""
     every_s: float = num(22.0, 1.0, 3600.0, "s")
     """From the beginning to the first cut-off, and from each to the next [assumed: four in a stream]."""
     lines: int = num(2, 1, GRADES_HELD, "")
