@@ -23,7 +23,7 @@ from ..envs.sorting.state import Tables
 from ..envs.sorting.timing import hold_s, stroke_s
 from .base import Bound, check_method, check_start, relative_gap, state_of
 from .belt import Belt, Stream, best_picks, decided_late, expand, finish_s
-from .orders import Lines, most_filled, priced_orders
+from .packing import Lines, most_filled, priced_orders
 from .timeline import Timeline, priced
 
 Array = NDArray[np.float64]
