@@ -29,12 +29,12 @@ class Lines(NamedTuple):
 
     Attributes:
         grade: (L,), what they want.
-        count: (L,), how many of it.
+        wants: (L,), how many of it.
         due_s: (L,), until when.
     """
 
     grade: Numbers
-    count: Numbers
+    wants: Numbers
     due_s: Array
 
 
@@ -51,7 +51,7 @@ def most_filled(lines: Lines, grade: Numbers, ready_s: Array, gain: Array, surpl
     total = 0.0
     for kind in np.unique(grade):
         mine, there = lines.grade == kind, np.sort(ready_s[grade == kind])
-        left, filled = lines.count[mine].copy(), 0
+        left, filled = lines.wants[mine].copy(), 0
         for done_s in there[::-1]:
             # Late things first, each into the line that is due last of those that it can fill.
             able = np.flatnonzero((left > 0) & (lines.due_s[mine] >= done_s))
@@ -88,7 +88,7 @@ def priced_orders(
         tolerance: relative gap at which to stop.
     """
     began = time.perf_counter()
-    n, several = len(gain), len(lines.count) + 1
+    n, several = len(gain), len(lines.wants) + 1
     # An option is a thing and the first of all lines that is due after it is done, whatever that wants.
     first_line = np.searchsorted(lines.due_s, graph.end_s[graph.to], side="left")
     options = graph.option.astype(np.int64) * several + first_line
@@ -112,7 +112,7 @@ def priced_orders(
         found = max(found, _carried_out(lines, grade, gain, surplus, taken[:count], several))
         return value, left
 
-    capacity = np.concatenate([np.ones(n), lines.count.astype(float)])
+    capacity = np.concatenate([np.ones(n), lines.wants.astype(float)])
     worths = np.array([gain[grade == kind].max(initial=0.0) for kind in lines.grade])
     second = float(gain.max(initial=0.0)) / max(float(guess.min(initial=1.0)), 1e-9)
     bound, here = np.inf, capacity
@@ -166,7 +166,7 @@ def _weigh(
 @compiled
 def _carried_out(lines: Lines, grade: Numbers, gain: Array, surplus: float, options: Numbers, several: int) -> float:
     """What the options of a path bring in turn: a thing once, into the first line that still lacks some."""
-    picked, left, worth = np.zeros(len(gain)), lines.count.copy(), 0.0
+    picked, left, worth = np.zeros(len(gain)), lines.wants.copy(), 0.0
     for option in options:
         j, k = option // several, option % several
         if picked[j] > 0.0:
@@ -176,7 +176,7 @@ def _carried_out(lines: Lines, grade: Numbers, gain: Array, surplus: float, opti
             k += 1
         if k < len(left):
             left[k] -= 1
-            worth += gain[j]
+            worth += float(gain[j])
         else:
-            worth += surplus * gain[j]
+            worth += surplus * float(gain[j])
     return worth

@@ -27,7 +27,7 @@ class Line(NamedTuple):
     """Columns of an order book's rows."""
 
     grade: int
-    count: int
+    wants: int
     due_s: int
 
 
@@ -45,7 +45,7 @@ def draw_orders(orders: OrderConfig, generators: Sequence[np.random.Generator]) 
         luck = generator.random((orders.shipments, KINDS + orders.lines))
         # The grades of a shipment are the first of a shuffled order.
         book[:, LINE.grade] = luck[:, :KINDS].argsort(axis=1)[:, : orders.lines].ravel()
-        book[:, LINE.count] = low + np.floor(luck[:, KINDS:] * (high - low + 1)).ravel()
+        book[:, LINE.wants] = low + np.floor(luck[:, KINDS:] * (high - low + 1)).ravel()
         book[:, LINE.due_s] = due_s.repeat(orders.lines)
     return books
 
@@ -76,7 +76,7 @@ def open_books(worlds: Worlds, rows: NDArray[np.int64], books: Array) -> None:
     order = books[..., LINE.due_s].argsort(axis=1, kind="stable")
     sorted_books = np.take_along_axis(books, order[..., None], axis=1)
     worlds.line_grade[rows] = sorted_books[..., LINE.grade]
-    worlds.line_count[rows] = sorted_books[..., LINE.count]
+    worlds.line_count[rows] = sorted_books[..., LINE.wants]
     worlds.line_due_s[rows] = sorted_books[..., LINE.due_s]
 
 

@@ -242,7 +242,7 @@ def observe_worlds(
             copy(worlds.feature[w, report], feature)
             cycle = seen.approach_s + seen.wait_s + seen.carry_s + number[NUMBER.hold_s] + paces.release_s
             if worlds.line_left.shape[1]:
-                grade = worlds.report_grade[w, report]
+                grade = int(worlds.report_grade[w, report])
                 cycle += blocked_s(worlds, w, grade, time_s + cycle - paces.release_s)
                 if waiting_line(worlds, w, grade, time_s + cycle) < 0:
                     feature[CANDIDATE.value] = tables.surplus * tables.values[grade]
