@@ -300,9 +300,9 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
     camera, the others on fewer seeds with the model of theirs, without bounds. ``full``: every headline scenario on
     many seeds with the analytic backend, and on the first of them in PyBullet, both with the camera's model, so that
     the two differ in what carries plans out alone; and the reference on all of these seeds with the analytic backend
-    and its rendered cameras, which differ from the first in what sees alone; and the rules on the scenarios that demand
-    a net rate, without bounds; all of it on the seeds that are held out for it. ``tiers``: every scenario on many shown
-    seeds with the analytic backend. See ``kernels.seeds``.
+    and its rendered cameras, which differ from the first in what sees alone; and the scenarios in which the order of
+    work matters; and the rules on the scenarios that demand a net rate, without bounds; all of it on the seeds that are
+    held out for it. ``tiers``: every scenario on many shown seeds with the analytic backend. See ``kernels.seeds``.
     A task without a simulated machine, or without a camera, is run with what it has.
 
     Args:
@@ -331,6 +331,8 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
             if "camera" in spec.perceptions:
                 parts.append((headline, "analytic", "camera", HELD_OUT, FULL_EPISODES, reference))
             rules = tuple(name for name in everybody if name != LEARNED)
+            for scenario in spec.ordering:
+                parts.append(((scenario,), "analytic", "model", HELD_OUT, FULL_EPISODES, everybody))
             for scenario, sees in spec.demands.items():
                 parts.append(((scenario,), "analytic", sees, HELD_OUT, FULL_EPISODES, rules))
         else:
@@ -340,7 +342,7 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
             for scenario in scenarios:
                 case = Case(
                     Condition(env_id, scenario, *_part(spec, backend, perception)),
-                    policies,
+                    spec.lineup(scenario, policies),
                     spec.reference,
                     tuple(block.take(episodes)),
                     bounded and perception == "model" and spec.bound is not None and scenario not in spec.demands,

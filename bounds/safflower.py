@@ -12,6 +12,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..envs.safflower.batch import stop_centres
 from ..envs.safflower.config import EFFORTS, SafflowerConfig
@@ -20,6 +21,7 @@ from ..envs.safflower.process import Shears, collected_share, cut_share, dropped
 from ..envs.safflower.timing import DRIVE, P, legs_s, levels_s, standing_s
 from .base import Bound, check_method, check_start
 from .stops import EXACT_TARGETS, Array, Stop, largest, shortest_cycle
+from .wilting import Closing, most
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,50 @@ class PickerInstance:
         return shortest_cycle(self.stops, net_rate * self.total_g, self.already_s)
 
 
+@dataclass(frozen=True, eq=False)
+class BagInstance(PickerInstance):
+    """One field with its luck where a bag fills up or heads wilt.
+
+    The bag's clogging is left out; emptying it takes its time for all filaments beyond the first bag.
+
+    Attributes:
+        closes_s: (n,) a stop, when each target wilts.
+        carried_s: (n, E) a stop, seconds of emptying the bag that each option causes at least.
+    """
+
+    closes_s: list[Array]
+    carried_s: list[Array]
+
+    def bound(self, method: str = "relaxation", time_limit_s: float = 60.0) -> Bound:
+        """What no policy can beat; see ``Instance``.
+
+        Raises:
+            ValueError: unknown method, or a reward that pays for time spent or for losses.
+        """
+        check_method(method)
+        weights = self.config.weights
+        if weights.seconds > 0.0 or weights.lost_g > weights.collected_g:
+            raise ValueError("weights: the bound needs a reward that pays neither for time nor for losses")
+        began = time.perf_counter()
+        grams = self._most([stop.gain for stop in self.stops], 0.0)
+        value = self._most(self.worths(), -weights.seconds)
+        net_rate = min(grams / max(self.total_g, 1e-12), 1.0)
+        words = f"shares of picks by the time they close, stops by dynamic programming; no clogging, {self.relaxed}"
+        cycle_s = self.cycle_time_at(net_rate)
+        return Bound(net_rate, value, cycle_s, words, False, math.nan, time.perf_counter() - began)
+
+    def _most(self, worths: list[Array], second: float) -> float:
+        """Largest sum of worths; the clock is set back by the emptying that the first bag does not need."""
+        back_s = self.config.scenario.bag.empty_s if any(extra.any() for extra in self.carried_s) else 0.0
+        stops = [
+            Closing(worth, _takes_s(stop) + extra, closes_s, float(stop.leave_s.min()))
+            for stop, worth, extra, closes_s in zip(self.stops, worths, self.carried_s, self.closes_s, strict=True)
+        ]
+        over_s = max(max(stop.longest_s for stop in self.stops), self.config.scenario.bag.empty_s)
+        begin_s, limit_s = self.already_s - back_s, self.config.scenario.time_limit_s
+        return most(stops, begin_s, limit_s, over_s, second) + second * back_s
+
+
 def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> PickerInstance:
     """What stands in a world of the rules right after its reset.
 
@@ -98,29 +144,36 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
     """
     check_start(reports, core.state.head_visited[row].any() or core.state.stop[row] != 0)
     config = core.config
-    stops = [_drawn(core, row, s) if reports == "drawn" else _any(core, row, s) for s in range(config.scenario.stops)]
+    read = _drawn if reports == "drawn" else _any
+    stops, heads = zip(*(read(core, row, stop) for stop in range(config.scenario.stops)), strict=True)
     mass = core.state.head_mass_g[row]
     relaxed = "all candidates of a stop shown" if reports == "drawn" else "any reports, so no error and second visits"
-    most = int(np.diff(core.state.first[row]).max())
-    exact = reports == "drawn" and most <= config.slots
+    shown = int(np.diff(core.state.first[row]).max())
+    exact = reports == "drawn" and shown <= config.slots
     if exact:
         relaxed = "every candidate fits into the slots"
-    return PickerInstance(stops, config, float(mass.sum()), config.process.recognise_s, relaxed, exact)
+    if not config.scenario.demanding:
+        return PickerInstance(list(stops), config, float(mass.sum()), config.process.recognise_s, relaxed, exact)
+    closes_s = [core.state.head_closes_s[row, here] for here in heads]
+    carried_s = [_carried_s(core, row, here, stop, reports) for here, stop in zip(heads, stops, strict=True)]
+    return BagInstance(
+        list(stops), config, float(mass.sum()), config.process.recognise_s, relaxed, False, closes_s, carried_s
+    )
 
 
-def _drawn(core: SafflowerCore, row: int, stop: int) -> Stop:
-    """A stop with the reports that lie in the rules."""
+def _drawn(core: SafflowerCore, row: int, stop: int) -> tuple[Stop, NDArray[np.int64]]:
+    """A stop with the reports that lie in the rules, and the heads behind them."""
     tracks = np.arange(core.state.first[row, stop], core.state.first[row, stop + 1])
     head = core.state.track_head[row, tracks]
     target = core.state.track_target[row, tracks]
     error = core.state.head_position[row, head] - target
     gain = _gains(core.config, error, core.state.head_mass_g[row, head], core.state.head_odds[row, head])
     use = core.state.track_legal[row, tracks] & (gain.max(axis=1) > 0.0)
-    return _stop(core, stop, target[use], gain[use], core.state.head_mass_g[row, head][use], slack_m=0.0)
+    return _stop(core, stop, target[use], gain[use], core.state.head_mass_g[row, head][use], slack_m=0.0), head[use]
 
 
-def _any(core: SafflowerCore, row: int, stop: int) -> Stop:
-    """A stop with every head that a report near its window could stand for, found without error."""
+def _any(core: SafflowerCore, row: int, stop: int) -> tuple[Stop, NDArray[np.int64]]:
+    """A stop with every head that a report near its window could stand for, found without error, and these heads."""
     config, centre = core.config, stop_centres(core.config.scenario)
     slack = config.process.capture_radius_m
     along = core.state.head_position[row, :, 0] + core.frame[0]
@@ -131,7 +184,30 @@ def _any(core: SafflowerCore, row: int, stop: int) -> Stop:
     heads = np.flatnonzero(near & (core.state.head_mass_g[row] > 0.0))
     mass = core.state.head_mass_g[row, heads]
     gain = _gains(config, np.zeros((len(heads), 3)), mass, core.state.head_odds[row, heads])
-    return _stop(core, stop, core.state.head_position[row, heads], gain, mass, slack_m=slack)
+    return _stop(core, stop, core.state.head_position[row, heads], gain, mass, slack_m=slack), heads
+
+
+def _takes_s(stop: Stop) -> Array:
+    """Seconds (n, E) of every option, from wherever the machine may come."""
+    return stop.process_s + stop.shortest_approach_s[:, None] if stop.targets else stop.process_s
+
+
+def _carried_s(core: SafflowerCore, row: int, heads: NDArray[np.int64], stop: Stop, reports: str) -> Array:
+    """Seconds (n, E) of emptying the bag that each option causes at least: a bag never holds a head more than fills it.
+
+    Whoever picks with an unknown error may bring nothing.
+    """
+    bag = core.config.scenario.bag
+    if bag.capacity_g == 0.0 or reports != "drawn":
+        return np.zeros(stop.gain.shape)
+    odds, most_g = core.state.head_odds[row, heads, 1], float(core.state.head_mass_g[row].max())
+    least = stop.gain.copy()
+    for effort, suction_s in enumerate(core.config.process.suction_s):
+        dropped = dropped_share(core.config.process, suction_s)
+        clogged = dropped + (1.0 - dropped) * bag.clog
+        for head, to_collect in enumerate(odds):
+            least[head, effort] *= collected_share(clogged, to_collect) / collected_share(dropped, to_collect)
+    return bag.empty_s * least / (bag.capacity_g + most_g)
 
 
 def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array) -> Array:

@@ -49,6 +49,9 @@ class TaskSpec:
             (``"package:folder/file.yaml"``).
         learners: algorithms of the task's own by name, beside those that every task has.
         demands: scenarios that demand a net rate, and the perception under which it can be met, for the benchmark.
+        ordering: scenarios beside the headline that the leaderboard shows because there the order of work matters.
+        lineups: scenario -> those of ``policies`` that the benchmark runs on it, under ``""`` those for all others;
+            without any it runs all.
     """
 
     id: str
@@ -64,6 +67,8 @@ class TaskSpec:
     learning: str | Mapping[str, Any] | None = None
     learners: Mapping[str, str | Callable[..., Any]] = field(default_factory=dict)
     demands: Mapping[str, str] = field(default_factory=dict)
+    ordering: tuple[str, ...] = ()
+    lineups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     best: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -75,6 +80,9 @@ class TaskSpec:
         for scenario, name in self.best.items():
             if name not in (*self.policies, RANDOM):
                 raise ValueError(f"TaskSpec.best[{scenario!r}] = {name!r}: name one of its policies")
+        for scenario, lineup in self.lineups.items():
+            for name in (name for name in lineup if name not in self.policies):
+                raise ValueError(f"TaskSpec.lineups[{scenario!r}] has {name!r}: name some of its policies")
 
     @property
     def name(self) -> str:
@@ -84,6 +92,11 @@ class TaskSpec:
     def recommended(self, scenario: str) -> str:
         """The policy that ``best`` means on a scenario."""
         return self.best.get(scenario, self.best.get("", self.reference))
+
+    def lineup(self, scenario: str, known: tuple[str, ...]) -> tuple[str, ...]:
+        """Those of the known policies that the benchmark runs on a scenario; what is not the task's own always."""
+        chosen = self.lineups.get(scenario, self.lineups.get("", tuple(self.policies)))
+        return tuple(name for name in known if name in chosen or name not in self.policies)
 
     @property
     def assembly(self) -> Any:

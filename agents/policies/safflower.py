@@ -12,12 +12,15 @@ from ...envs.safflower.config import EFFORTS, OPEN_STAGES, SafflowerConfig
 from ...envs.safflower.features import (
     ACROSS_SCALE_M,
     AHEAD_SCALE_M,
+    DC,
+    DM,
     SIZE_SCALE_M,
     TRAVEL_SCALE_S,
     C,
     M,
     candidate_table,
 )
+from ...envs.safflower.rules import EMPTYING
 from ...envs.safflower.timing import DRIVE, P, Rates, legs_s, standing_s
 from ...kernels.elementary import exp
 from .base import Actions, ConfiguredPolicy, Observation, StatelessPolicy
@@ -34,15 +37,39 @@ _CENTRED_SHARE = 0.9
 """Share of a stroke's cut that is left on average at the camera's position error [assumed by the rule]."""
 
 
+def demanding(observation: Observation) -> bool:
+    """Whether a bag fills up or filaments wilt."""
+    return observation["machine"].shape[1] > len(M)
+
+
 def wanted(observation: Observation) -> NDArray[np.bool_]:
-    """Candidates (B, K) that can be reached and are reported to be in bloom."""
+    """Candidates (B, K) that can be reached, are reported to be in bloom and have not wilted yet."""
     candidates = candidate_table(observation)
-    reachable = observation["action_mask"][:, : -1 : len(EFFORTS)] > 0
-    return reachable & (candidates[..., _OPEN].max(axis=-1) > 0.5)
+    in_bloom = candidates[..., _OPEN].max(axis=-1) > 0.5
+    if demanding(observation):
+        # What a full bag forbids is wanted all the same.
+        return (candidates[..., C.reachable] > 0.5) & in_bloom & (candidates[..., DC.closes] > 0.0)
+    return (observation["action_mask"][:, : -1 : len(EFFORTS)] > 0) & in_bloom
 
 
-def _pick(slot: NDArray[Any], effort: NDArray[Any] | int, picks: Any, slots: int) -> Actions:
-    return np.where(picks, slot * len(EFFORTS) + effort, slots * len(EFFORTS))
+def decided(
+    observation: Observation, slot: NDArray[Any], effort: NDArray[Any] | int, picks: NDArray[np.bool_]
+) -> Actions:
+    """Actions (B,): pick in these slots with these efforts where ``picks``, else drive on; a full bag is emptied."""
+    other = len(EFFORTS) * candidate_table(observation).shape[1]
+    actions = np.where(picks, slot * len(EFFORTS) + effort, other)
+    if demanding(observation):
+        actions = np.where(picks & (observation["machine"][:, DM.bag] >= 1.0), other + EMPTYING, actions)
+    return actions
+
+
+def believed_area(candidates: NDArray[Any]) -> NDArray[Any]:
+    """Filaments of candidates (..., F) relative to an average head's: they grow with the tuft's area.
+
+    Much of what the camera sees of a size is its own error.
+    """
+    area = (candidates[..., C.size] * (SIZE_SCALE_M / _MEAN_SIZE_M)) ** 2
+    return 1.0 + _SIZE_TRUST * (area - 1.0)
 
 
 class FixedOrder(StatelessPolicy):
@@ -53,7 +80,7 @@ class FixedOrder(StatelessPolicy):
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
         open_heads = wanted(observation)
-        return _pick(open_heads.argmax(axis=1), NORMAL, open_heads.any(axis=1), open_heads.shape[1])
+        return decided(observation, open_heads.argmax(axis=1), NORMAL, open_heads.any(axis=1))
 
 
 class Nearest(StatelessPolicy):
@@ -65,7 +92,7 @@ class Nearest(StatelessPolicy):
         """Actions (B,)."""
         open_heads = wanted(observation)
         travel = np.where(open_heads, candidate_table(observation)[..., C.travel], np.inf)
-        return _pick(travel.argmin(axis=1), NORMAL, open_heads.any(axis=1), open_heads.shape[1])
+        return decided(observation, travel.argmin(axis=1), NORMAL, open_heads.any(axis=1))
 
 
 class _Routes:
@@ -108,7 +135,7 @@ class NearestTwoOpt(ConfiguredPolicy):
         """Actions (B,)."""
         open_heads = wanted(observation)
         slot = self._routes.first(observation, open_heads, open_route)
-        return _pick(slot, NORMAL, open_heads.any(axis=1), open_heads.shape[1])
+        return decided(observation, slot, NORMAL, open_heads.any(axis=1))
 
 
 class GramsPerSecond(ConfiguredPolicy):
@@ -141,7 +168,7 @@ class GramsPerSecond(ConfiguredPolicy):
         surplus, travel_s, worth = self._weigh(observation)
         slot = self._next(observation, travel_s, worth)
         effort = surplus[np.arange(len(slot)), slot].argmax(axis=-1)
-        return _pick(slot, effort, worth.any(axis=1), worth.shape[1])
+        return decided(observation, slot, effort, worth.any(axis=1))
 
     def _next(self, observation: Observation, travel_s: NDArray[Any], worth: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Slot (B,) of the next head among those that are worth their time."""
@@ -156,9 +183,7 @@ class GramsPerSecond(ConfiguredPolicy):
         ahead = open_heads.sum(axis=1) + (1.0 - served) * self._row_heads
         tight = used + self._head_share * ahead > 1.0
         second = np.where(tight, self._average, self._price)[:, None, None]
-        # Filaments grow with the tuft's area; much of what the camera sees of it is its own error.
-        area = (candidates[..., C.size] * (SIZE_SCALE_M / _MEAN_SIZE_M)) ** 2
-        area = 1.0 + _SIZE_TRUST * (area - 1.0)
+        area = believed_area(candidates)
         travel_s = candidates[..., C.travel] * TRAVEL_SCALE_S
         surplus = area[..., None] * self._grams - second * (travel_s[..., None] + self._process_s)
         worth = open_heads & ((surplus.max(axis=-1) > 0.0) | tight[:, None])

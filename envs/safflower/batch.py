@@ -74,7 +74,7 @@ class Batch(NamedTuple):
     """Fields of R worlds.
 
     ``tracks`` is None where a camera still has to look, ``luck`` (R, J) where no drive errs, ``stands`` (R, S, 3) on
-    level ground.
+    level ground, ``closings`` (R, N, 2) where nothing wilts.
     """
 
     heads: Heads
@@ -82,6 +82,7 @@ class Batch(NamedTuple):
     tracks: Tracks | None
     luck: Array | None = None
     stands: Array | None = None
+    closings: Array | None = None
 
 
 def stop_centres(scenario: ScenarioConfig) -> Array:

@@ -10,11 +10,15 @@ import json
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...kernels.config import Config, choice, flag, nested, num
 from ...simulation.assets import asset_text
 from ...simulation.picker_model import MOTOR_HEIGHT_M, PickerParameters
 from ..drives import DriveErrors, LinearDrive, RotaryDrive
 from ..rough_config import RoughGround
+from .bag_config import Bag, Wilting
 
 EFFORTS = ("quick", "normal", "thorough")
 STAGES = ("bud", "fresh", "late", "dry")
@@ -176,9 +180,21 @@ class ScenarioConfig(Config):
     """Errors of cart and arms."""
     ground: StandGround = nested(StandGround)
     """What the cart stands on."""
+    rows: int = num(1, 1, 8, "")
+    """Rows side by side that are picked from the same stops; plants are counted over all of them."""
+    row_gap_m: float = num(0.0, 0.0, 0.5, "m")
+    """Distance of these rows."""
+    bag: Bag = nested(Bag)
+    """What filaments are sucked into."""
+    wilting: Wilting = nested(Wilting)
+    """Until when heads are worth picking."""
 
     def check(self) -> None:
         """Ranges ascend, and the row is one that fits into memory."""
+        if self.plants % self.rows:
+            self.refuse("plants", f"give a multiple of rows = {self.rows}")
+        if self.rows > 1 and self.row_gap_m == 0.0:
+            self.refuse("row_gap_m", f"give the distance of the {self.rows} rows in m, above 0")
         for name in ("crown_m", "visit_day") + ("plant_height_m",) * self.potted:
             low, high = getattr(self, name)
             if low > high:
@@ -195,8 +211,24 @@ class ScenarioConfig(Config):
     def stops(self) -> int:
         """Stops the row needs."""
         if self.window_m == self.pitch_m:
-            return self.plants
-        return int(-(-self.plants * self.pitch_m // self.window_m))
+            return self.places
+        return int(-(-self.places * self.pitch_m // self.window_m))
+
+    @property
+    def places(self) -> int:
+        """Plants in each of the rows."""
+        return self.plants // self.rows
+
+    @property
+    def demanding(self) -> bool:
+        """Whether bag or wilting make the order matter, and so have to be shown."""
+        return self.bag.capacity_g > 0.0 or self.wilting.closes_s[1] > 0.0
+
+    def stands_m(self) -> NDArray[np.float64]:
+        """Where the plants stand, (plants, 2), along and across, row by row."""
+        along = self.pitch_m * (np.arange(self.places, dtype=np.float64) + 0.5 * (not self.potted))
+        across = self.row_gap_m * (np.arange(self.rows) - 0.5 * (self.rows - 1))
+        return np.column_stack([np.tile(along, self.rows), np.repeat(across, self.places)])
 
 
 # Plants of the paper's test: 15 pots in 5 groups of 3, 1-4 flowers a pot, height 0.43-0.86 m, crown 0.14-0.38 m
@@ -259,12 +291,31 @@ WORN = DriveErrors(
     lag_s=0.02,
 )
 
+# The end of a morning in a bed of two rows that the arm reaches both: plants stand so close that they are narrow and
+# bear fewer heads, at the height of flowering [assumed]. The bag holds as much as a dozen heads bear [assumed]. The
+# camera's fit is that of the row.
+BAG = replace(
+    _row("row-sparse", 0.15, 0.10),
+    plants=18,
+    rows=2,
+    row_gap_m=0.10,
+    window_m=0.45,
+    max_heads=16,
+    mean_heads=3.6,
+    crown_m=(0.10, 0.14),
+    visit_day=(5.0, 7.0),
+    time_limit_s=900.0,
+    bag=Bag(capacity_g=4.0),
+    wilting=Wilting(closes_s=(40.0, 900.0)),
+)
+
 SCENARIOS: dict[str, ScenarioConfig] = {
     "pots": POTS,
     "row-sparse": _row("row-sparse", 0.30, 0.10),
     "row": _row("row", 0.20, 0.175),
     "row-dense": _row("row-dense", 0.125, 0.25),
     "field": replace(_row("row-dense", 0.125, 0.25), drives=WORN, ground=StandGround("C")),
+    "bag": BAG,
 }
 """``field`` is the dense row with a worn machine, on ground that is no plane: nobody grinds gears, calibrates
 encoders and levels the ground before every row."""

@@ -21,14 +21,15 @@ from .beginning import Looks, Outset, begin_tracks, begin_worlds, take_tracks
 from .config import EFFORTS, STAGES, PerceptionModel, SafflowerConfig
 from .drawing import Growth, draw_heads
 from .errors import JOINTS, tool_error
-from .features import LIMIT, Candidate, Machine
+from .features import LIMIT, Candidate, DemandingCandidate, DemandingMachine, Machine
 from .field import SafflowerField, Stands
 from .filling import completed, row_limits_m
 from .rules import apply_worlds, decide_worlds, plan_worlds, show_worlds
 from .sighting import Sight, draw_tracks
 from .standing import draw_stands, stand_error, whole_stands
 from .state import PickerPlan, R, Rewards, Scores, Tables, empty_worlds, tables_of
-from .timing import DRIVE, NOTHING, Phases
+from .timing import DRIVE, EMPTY, NOTHING, Phases
+from .wilting import closings_of, draw_closings, put_closings, show_closings, whole_closings, with_closings
 
 
 class PickerOutcome(NamedTuple):
@@ -39,7 +40,9 @@ class PickerOutcome(NamedTuple):
 
 
 class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
-    """Batched picking task. An action is ``slot * 3 + effort``; the last action drives on.
+    """Batched picking task. An action is ``slot * 3 + effort``; ``3 K`` drives on.
+
+    Where a bag fills up or filaments wilt, ``3 K + 1`` empties the bag, and more is shown (see ``features``).
 
     Args:
         config: the task's numbers.
@@ -66,9 +69,16 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         """Allocate the state."""
         super().__init__(worlds)
         self.config, self.perception = config, perception
-        k = config.slots
-        self.action_space = spaces.Discrete(DRIVE * k + 1)
-        self.observation_space = observation_space(self, k, DRIVE * k + 1, LIMIT)
+        k, actions = config.slots, DRIVE * config.slots + 1
+        if config.scenario.demanding:
+            actions += 1
+            self.blocks = MappingProxyType(
+                {**self.blocks, "machine": DemandingMachine, "candidates": DemandingCandidate}
+            )
+            self.machine_features, self.candidate_features = names(DemandingMachine), names(DemandingCandidate)
+        self.exact = perception == PerceptionModel.perfect()
+        self.action_space = spaces.Discrete(actions)
+        self.observation_space = observation_space(self, k, actions, LIMIT)
         self.tables = tables_of(config, perception is None)
         self._growth, self._sight = Growth.of(config), Sight.of(config, perception or PerceptionModel.perfect())
         heads = config.scenario.plants * config.scenario.max_heads
@@ -101,20 +111,24 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         luck, stands = self.draw_luck(generators), draw_stands(self.config, generators)
         uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, self._numbers)
         heads, plants = draw_heads(self._growth, uniform, normal)
+        closings = draw_closings(self.config, generators, heads.stage)
         if self.perception is None:
-            return Batch(heads, plants, None, luck, stands)
-        return Batch(heads, plants, draw_tracks(self._sight, heads, camera_uniform, camera_normal), luck, stands)
+            return Batch(heads, plants, None, luck, stands, closings)
+        tracks = draw_tracks(self._sight, heads, camera_uniform, camera_normal)
+        return Batch(heads, plants, tracks, luck, stands, closings)
 
     def stack(self, fields: Sequence[SafflowerField]) -> Batch:
         """The batch of fields in which nothing is missing."""
         stands = [one.stands for one in fields if one.stands is not None]
         rows = np.array([[one.heave_m, one.pitch_rad, one.roll_rad] for one in stands])
         whole = rows.transpose(0, 2, 1) if self.rough else None
-        return stack(self.config, fields)._replace(luck=self.luck_of(fields), stands=whole)
+        batch = stack(self.config, fields)
+        closings = closings_of(fields, batch.heads.exists.shape[1])
+        return batch._replace(luck=self.luck_of(fields), stands=whole, closings=closings)
 
     def unstack(self, batch: Batch) -> list[SafflowerField]:
         """The fields of a batch."""
-        fields = self.with_luck(unstack(batch, self.perception), batch.luck)
+        fields = with_closings(self.with_luck(unstack(batch, self.perception), batch.luck), batch.closings)
         if batch.stands is None:
             return fields
         return [replace(one, stands=Stands(*rows.T.copy())) for one, rows in zip(fields, batch.stands, strict=True)]
@@ -130,12 +144,13 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         sight = self._sight if self.perception else None
         done = completed(self.config, sight, self.perception, whole, generator)
         done = self.with_whole_luck(done, whole.drives, generator)
+        done = replace(done, closings=whole_closings(self.config, done, generator))
         return replace(done, stands=whole_stands(self.config, whole.stands, generator))
 
     def load(self, rows: Rows, batch: Batch) -> None:
         """Put fields into ``rows`` and the carts at their first stop, reports taken."""
         state, tables, outset = self.state, self.tables, self._outset
-        heads, plants, tracks, luck, stands = batch
+        heads, plants, tracks, luck, stands, closings = batch
         self.take_luck(rows, luck)
         if stands is not None:
             self.stands[rows] = stands
@@ -156,6 +171,8 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
             state.look_due[rows] = True
         else:
             begin_tracks(tables, outset, state, rows, tracks)
+        if closings is not None:
+            put_closings(self.config, state, rows, closings, tracks is not None, self.exact)
 
     def receive(self, row: int, position: Array, stage: NDArray[np.int64], size_m: Array, head: Rows) -> None:
         """Take a camera's reports of the present stop into one world, in the fixed order.
@@ -171,6 +188,9 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         behind, no_stops = np.ascontiguousarray(head), np.zeros((1, 1), np.int64)
         tracks = Tracks(place[None], told[None], size[None], behind[None], no_stops)
         take_tracks(self.tables, self._outset, self.state, row, tracks)
+        if self.config.scenario.demanding:
+            start, end = self.state.first[row, self.state.stop[row] : self.state.stop[row] + 2]
+            show_closings(self.config, self.state, row, slice(int(start), int(end)), None)
         self.state.look_due[row] = False
 
     def rules(self) -> tuple[Tables]:
@@ -223,5 +243,6 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         words = {
             DRIVE: f"drive to stop {int(self.state.stop[row]) + 1}/{len(self.tables.stop_pose)}",
             NOTHING: "illegal action",
+            EMPTY: "empty the bag",
         }
         return f"{words.get(kind, 'leave the row')}: {elapsed:.1f} s"

@@ -95,6 +95,7 @@ class Growth(NamedTuple):
     Attributes:
         counts: (S,), cumulative probabilities of 0, 1, ... heads on a plant.
         along_m: (P,), where the plants stand along the row.
+        across_m: (P,), and across.
         potted: see ``ScenarioConfig``.
         height_m: the lowest height and the range, when potted, or mean and standard deviation.
         top_m: of the tallest plant, when potted.
@@ -113,6 +114,7 @@ class Growth(NamedTuple):
 
     counts: Array
     along_m: Array
+    across_m: Array
     potted: bool
     height_m: tuple[float, float]
     top_m: float
@@ -137,9 +139,11 @@ class Growth(NamedTuple):
         low, high = scenario.plant_height_m
         first, last = scenario.visit_day
         narrow, wide = scenario.crown_m
+        stands_m = scenario.stands_m()
         return cls(
             counts=np.array(_count_table(scenario), float),
-            along_m=scenario.pitch_m * (np.arange(scenario.plants, dtype=np.float64) + 0.5 * (not scenario.potted)),
+            along_m=stands_m[:, 0].copy(),
+            across_m=stands_m[:, 1].copy(),
             potted=bool(scenario.potted),
             height_m=(float(low), float(high - low if scenario.potted else high)),
             top_m=float(high),
@@ -219,7 +223,11 @@ def grow(growth: Growth, at: Chances, uniform: Array, normal: Array, heads: Head
                 lift = growth.top_m - height
             else:
                 height = growth.height_m[0] + growth.height_m[1] * z[at.height_z + p]
-            plants.base[r, p, 0], plants.base[r, p, 2] = growth.along_m[p], lift
+            plants.base[r, p, 0], plants.base[r, p, 1], plants.base[r, p, 2] = (
+                growth.along_m[p],
+                growth.across_m[p],
+                lift,
+            )
             plants.height_m[r, p], plants.crown_m[r, p] = height, crown
             count = count_upto(growth.counts, u[at.number + p])
             for k in range(count):
@@ -236,7 +244,7 @@ def grow(growth: Growth, at: Chances, uniform: Array, normal: Array, heads: Head
                     stage = (1 if age > 0.0 else 0) + (1 if age > _FRESH_DAYS else 0) + (1 if age > _OPEN_DAYS else 0)
                 mix = SIZE_SHARE * z[at.size_z + i] + _REST_SHARE * z[at.mass_z + i]
                 place = heads.position[r, i]
-                place[0], place[1], place[2] = growth.along_m[p] + ahead, across, up
+                place[0], place[1], place[2] = growth.along_m[p] + ahead, growth.across_m[p] + across, up
                 heads.exists[r, i], heads.stage[r, i], heads.plant[r, i] = True, stage, p
                 heads.size_m[r, i] = SPREAD_M * (1.0 + SPREAD_SIGMA * z[at.size_z + i])
                 if stage == OPEN_STAGES[0] or stage == OPEN_STAGES[1]:

@@ -13,7 +13,7 @@ from .core import PickerOutcome, SafflowerCore
 from .motors import within_motors
 from .state import PickerPlan
 
-DECISION_S = {"pots": 11.4, "row-sparse": 13, "row": 13.4, "row-dense": 13.7, "field": 13.7}
+DECISION_S = {"pots": 11.4, "row-sparse": 13, "row": 13.4, "row-dense": 13.7, "field": 13.7, "bag": 15}
 """Seconds that a decision takes on average, by scenario [30 episodes of the reference policy]."""
 PICKER: Assembly[Any] = Assembly(
     config=SafflowerConfig,
@@ -45,6 +45,14 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
     (2, 2 s), 2 thorough (3, 3 s); ``3 K`` drives to the next stop, at the last one it ends the episode. Empty slots
     and heads out of reach are masked; an illegal action does nothing, costs one second and is counted.
 
+    **Where the order matters** (``"bag"``): two rows are picked from the same stops, the bag fills up, and heads wilt:
+    a pick that is not done before its head's window closes brings nothing. The fuller the bag, the more of what is cut
+    drops beside it; a full one masks all picks. Action ``3 K + 1`` empties it (20 s) without a motion, so there are
+    3 K + 2. ``machine`` shows a seventh number, ``bag`` filaments in it / what fills it; a candidate two more:
+    ``closes`` reported time left until it wilts / 100 s (0 after it) and ``row``, 0 the right-most to 1 the left-most.
+    ``perception="perfect"`` tells ``closes`` as it is, ``"model"`` with an error of 30 s, ``"camera"`` as the mean of
+    the head's stage.
+
     **Observation**, a ``Dict`` of float32 boxes in [-10, 10]. Features are scaled to order one; what would be larger
     than 10 is shown as 10 (``time`` after the limit, ``remaining`` with few slots, places far away):
 
@@ -64,8 +72,8 @@ class SafflowerPickingEnv(TaskEnv[PickerPlan, PickerOutcome]):
     ``cycle_time_s`` = time until the last head was done / heads done (eq. 34), throughput, phases, grams.
 
     Args:
-        scenario: ``"pots"`` (the paper's protocol), ``"row-sparse"``, ``"row"``, ``"row-dense"`` or
-            ``"field"`` (a worn machine on rough ground).
+        scenario: ``"pots"`` (the paper's protocol), ``"row-sparse"``, ``"row"``, ``"row-dense"``,
+            ``"field"`` (a worn machine on rough ground) or ``"bag"`` (a bag that fills up, heads that wilt).
         backend: ``"pybullet"`` drives the closed-loop machine, ``"analytic"`` computes the same motion.
         perception: ``"camera"`` renders and segments images, ``"model"`` draws from statistics measured on such
             images, ``"perfect"`` reports every open or faded head where it is. Default: camera with PyBullet, model

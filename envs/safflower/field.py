@@ -68,6 +68,14 @@ class Stands(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class Closings(Table):
+    """When heads wilt, a row a head in their order."""
+
+    closes_s: Array = number("s", 0.0, 1e6, "when its filaments have wilted, from the beginning of the episode")
+    told_s: Array = number("s", 0.0, 1e6, "when the statistical camera reads that to be", "task")
+
+
+@dataclass(frozen=True, eq=False)
 class SafflowerField(Field):
     """A row of safflower with all of its luck.
 
@@ -78,6 +86,7 @@ class SafflowerField(Field):
         camera: whose reports they are; None where any statistical camera makes them.
         drives: luck of the machine's drives; None where none errs.
         stands: how the cart stands at its stops; drawn where the scenario's ground is rough and none are given.
+        closings: when heads wilt; drawn where the scenario lets them and none are given.
     """
 
     task: ClassVar[str] = "safflower"
@@ -90,6 +99,7 @@ class SafflowerField(Field):
     camera: Camera | None = None
     drives: DriveLuck | None = None
     stands: Stands | None = None
+    closings: Closings | None = None
 
     @classmethod
     def toy(cls) -> tuple[Toy, ...]:

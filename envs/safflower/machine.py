@@ -14,7 +14,7 @@ from ..driven import RECOVERY_S, Driven
 from .config import SafflowerConfig
 from .core import PickerOutcome, SafflowerCore
 from .state import PickerPlan
-from .timing import DRIVE, NOTHING, P
+from .timing import DRIVE, EMPTY, NOTHING, P
 
 _REST = Rest(tolerance_m=5e-4, limit_s=0.5, wait_s=0.025)
 """The tool's weight alone bends it by up to 0.25 mm."""
@@ -45,7 +45,7 @@ class PyBulletPicker(Driven[PickerPlan, PickerOutcome]):
         """Drive the motion and say how long it took and where the tool came to rest."""
         phases = plan.phases_s.copy()
         kind = int(plan.kind[0])
-        if kind == NOTHING:
+        if kind in (NOTHING, EMPTY):
             return PickerOutcome(phases, plan.target)
         cart, tool, nominal_s = trajectory(plan, self._core.config.machine.clear_level_m, self._dt)
         if self._core.errs:

@@ -10,10 +10,24 @@ from numpy.typing import NDArray
 from ...kernels import compiled
 from ..core import Array, StepResult
 from ..kernel_core import book
-from .features import ACROSS_SCALE_M, AHEAD_SCALE_M, HEIGHT_SCALE_M, LIMIT, TRAVEL_SCALE_S, C, M
+from .features import (
+    ACROSS_SCALE_M,
+    AHEAD_SCALE_M,
+    CLOSES_SCALE_S,
+    DC,
+    DM,
+    HEIGHT_SCALE_M,
+    LIMIT,
+    TRAVEL_SCALE_S,
+    C,
+    M,
+)
 from .process import collected_share, cut_share
 from .state import E, PickerPlan, R, S, T, Tables, Worlds
-from .timing import DRIVE, FINISH, NOTHING, P, beside_s, cart_s, settling_s, tool_s
+from .timing import DRIVE, EMPTY, FINISH, NOTHING, P, beside_s, cart_s, settling_s, tool_s
+
+EMPTYING = 1
+"""Number of the action that empties the bag among those that belong to no slot; 0 drives on."""
 
 
 @compiled
@@ -30,13 +44,16 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> P
         rise = worlds.rise_s[w]
         if slot == slots:
             stop = worlds.stop[w]
-            what = DRIVE if stop + 1 < len(tables.look_pose) else FINISH
-        elif not worlds.track_legal[w, report]:
+            if what == EMPTYING:
+                what, rise = EMPTY, 0.0
+            else:
+                what = DRIVE if stop + 1 < len(tables.look_pose) else FINISH
+        elif not worlds.track_legal[w, report] or worlds.bag_g[w] >= tables.bag_g:
             # No motion at all, not even up and down again to where it is.
             what, slot, report, rise = NOTHING, slots, worlds.slot_report[w, slots], 0.0
         descent = worlds.track_descent_s[w, report]
         for axis in range(3):
-            if what == NOTHING:
+            if what == NOTHING or what == EMPTY:
                 target[w, axis] = start[w, axis]
             elif what == DRIVE:
                 target[w, axis] = tables.look_pose[worlds.stop[w] + 1, axis]
@@ -56,7 +73,7 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> P
         phases_s[w, P.settle] = settling_s(tables.rates, along)
         kind[w], chosen[w], reports[w] = what, slot, report
         rise_s[w], descent_s[w] = rise, descent
-        next_rise_s[w] = worlds.rise_s[w] if what == NOTHING else descent
+        next_rise_s[w] = worlds.rise_s[w] if what == NOTHING or what == EMPTY else descent
     return PickerPlan(kind, chosen, reports, start, target, rise_s, side_s, descent_s, phases_s, next_rise_s)
 
 
@@ -86,6 +103,8 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: PickerPlan, phases_s: Arr
             fill_slots(worlds, w)
         elif kind == NOTHING:
             totals[T.illegal] += 1.0
+        elif kind == EMPTY:
+            worlds.bag_g[w] = 0.0
         for axis in range(3):
             worlds.pose[w, axis] = plan.target[w, axis]
         worlds.rise_s[w] = plan.next_rise_s[w]
@@ -108,13 +127,18 @@ def pick(tables: Tables, worlds: Worlds, w: int, effort: int, head: int, tool: A
         worlds.head_odds[w, head, 0],
     )
     cut = mass * share
-    gained = cut * collected_share(tables.efforts[effort, E.dropped], worlds.head_odds[w, head, 1])
+    dropped = tables.efforts[effort, E.dropped]
+    dropped += (1.0 - dropped) * clogged(tables, worlds, w)
+    gained = cut * collected_share(dropped, worlds.head_odds[w, head, 1])
+    if wilted(worlds, w, head):
+        gained = 0.0
     fresh = share > 0.0 and not worlds.head_visited[w, head]
     done = fresh and gained > 0.0
     worlds.head_mass_g[w, head] = mass - cut
     if share > 0.0:
         worlds.head_visited[w, head] = True
     totals[T.gained] += gained
+    worlds.bag_g[w] += gained
     totals[T.dropped] += cut - gained
     if fresh and worlds.head_stage[w, head] == 0:
         totals[T.damaged] += 1.0
@@ -125,6 +149,18 @@ def pick(tables: Tables, worlds: Worlds, w: int, effort: int, head: int, tool: A
     else:
         totals[T.wasted] += 1.0
     return mass, gained, done
+
+
+@compiled
+def clogged(tables: Tables, worlds: Worlds, w: int) -> float:
+    """Share of the cut filaments that the bag lets drop as full as it is."""
+    return tables.clog * min(worlds.bag_g[w] / tables.bag_g, 1.0)
+
+
+@compiled
+def wilted(worlds: Worlds, w: int, head: int) -> bool:
+    """Whether a head has wilted by now."""
+    return worlds.head_closes_s.shape[1] > 0 and worlds.totals[w, T.time] > worlds.head_closes_s[w, head]
 
 
 @compiled
@@ -168,6 +204,7 @@ def observe_worlds(
 ) -> None:
     """Write features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, 3 K + 1), of ``rows``."""
     slots = worlds.slot_report.shape[1] - 1
+    width = candidates.shape[1] // slots
     for w in rows:
         stop, pose = worlds.stop[w], worlds.pose[w]
         machine[w, M.ahead] = shown(pose[0] - tables.stop_pose[stop, 0], AHEAD_SCALE_M)
@@ -176,9 +213,10 @@ def observe_worlds(
         machine[w, M.time] = shown(worlds.totals[w, T.time], tables.time_limit_s)
         machine[w, M.stops_left] = 1.0 - (1.0 + stop) / len(tables.stop_pose)
         machine[w, M.remaining] = shown(float(worlds.remaining[w]), slots)
+        full = worlds.bag_g[w] >= tables.bag_g
         for k in range(slots):
             report = worlds.slot_report[w, k]
-            column = k * len(C)
+            column = k * width
             for f in range(len(C)):
                 candidates[w, column + f] = worlds.track_feature[w, report, f]
             if candidates[w, column + C.present] > 0.0:
@@ -190,8 +228,30 @@ def observe_worlds(
                 candidates[w, column + C.along] = shown(along, AHEAD_SCALE_M)
                 candidates[w, column + C.travel] = shown(travel_s, TRAVEL_SCALE_S)
             for effort in range(DRIVE):
-                mask[w, DRIVE * k + effort] = worlds.track_legal[w, report]
-        mask[w, -1] = 1
+                mask[w, DRIVE * k + effort] = worlds.track_legal[w, report] and not full
+        mask[w, DRIVE * slots] = 1
+        if width > len(C):
+            observe_demands(tables, worlds, w, machine, candidates, mask)
+
+
+@compiled
+def observe_demands(
+    tables: Tables,
+    worlds: Worlds,
+    w: int,
+    machine: NDArray[np.float32],
+    candidates: NDArray[np.float32],
+    mask: NDArray[np.int8],
+) -> None:
+    """Write what is shown of bag and wilting, behind what is shown without them."""
+    slots = worlds.slot_report.shape[1] - 1
+    machine[w, DM.bag] = shown(worlds.bag_g[w], tables.bag_g)
+    mask[w, DRIVE * slots + EMPTYING] = worlds.bag_g[w] > 0.0
+    for k in range(slots):
+        report, column = worlds.slot_report[w, k], k * len(DC)
+        left_s = worlds.track_closes_s[w, report] - worlds.totals[w, T.time]
+        candidates[w, column + DC.closes] = shown(max(left_s, 0.0), CLOSES_SCALE_S)
+        candidates[w, column + DC.row] = worlds.track_row[w, report]
 
 
 @compiled

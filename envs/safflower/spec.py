@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from ..task import TaskSpec
 
+_RULES = ("fixed-order", "nearest", "nearest-2opt", "grams-per-second", "route")
+
 PICKING = TaskSpec(
     id="fieldgym/SafflowerPicking-v0",
     entry_point="fieldgym.envs.safflower.env:SafflowerPickingEnv",
@@ -18,10 +20,14 @@ PICKING = TaskSpec(
         "nearest-2opt": "fieldgym.agents.policies.safflower:NearestTwoOpt.make",
         "grams-per-second": "fieldgym.agents.policies.safflower:GramsPerSecond.make",
         "route": "fieldgym.agents.policies.safflower:Route.make",
+        "closing-first": "fieldgym.agents.policies.safflower_bag:ClosingFirst.make",
+        "bag-horizon": "fieldgym.agents.policies.safflower_bag:BagHorizon.make",
         "learned": "fieldgym.agents.registry:make_learned",
     },
     reference="fixed-order",
-    best={"": "route", "pots": "grams-per-second", "row": "learned"},
+    best={"": "route", "pots": "grams-per-second", "row": "learned", "bag": "bag-horizon"},
     bound="fieldgym.bounds.safflower:instance_of",
+    ordering=("bag",),
+    lineups={"": (*_RULES, "learned"), "bag": (*_RULES, "closing-first", "bag-horizon")},
     learning="fieldgym.agents.learning:settings/SafflowerPicking-v0.yaml",
 )

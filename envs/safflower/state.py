@@ -94,6 +94,8 @@ class Tables(NamedTuple):
         weights: of the reward's terms, as ``Rewards``.
         time_limit_s: when the episode is cut off.
         from_outside: whether reports come from a camera, after each drive.
+        bag_g: what fills the bag, infinite where nothing does.
+        clog: share of the cut filaments that a full bag lets drop in addition.
     """
 
     standing_s: Array
@@ -105,6 +107,8 @@ class Tables(NamedTuple):
     weights: Array
     time_limit_s: float
     from_outside: bool
+    bag_g: float
+    clog: float
 
 
 class Worlds(NamedTuple):
@@ -150,13 +154,21 @@ class Worlds(NamedTuple):
     """Seconds of the rise that the next decision begins with."""
     totals: Annotated[Array, shaped(Totals)]
     """See ``Totals``."""
+    bag_g: Annotated[Array, shaped()]
+    """Filaments in the bag."""
+    head_closes_s: Annotated[Array, shaped("wilting_heads")]
+    """When each head has wilted; none where none wilts."""
+    track_closes_s: Annotated[Array, shaped("wilting_tracks")]
+    """When that is reported to be."""
+    track_row: Annotated[Array, shaped("wilting_tracks")]
+    """Which row it stands in, 0 to 1."""
 
 
 class PickerPlan(NamedTuple):
     """What the picker has to do in each world; positions are (cart, u, v): cart along the row, tool in the arm's plane.
 
     Attributes:
-        kind: (B,), effort index, ``DRIVE``, ``NOTHING`` or ``FINISH``.
+        kind: (B,), effort index, ``DRIVE``, ``NOTHING``, ``FINISH`` or ``EMPTY``.
         slot: (B,), candidate slot, ``slots`` when none.
         report: (B,), the report behind it, the empty one when there is none.
         start: (B, 3), metres.
@@ -194,6 +206,8 @@ def tables_of(config: SafflowerConfig, from_outside: bool) -> Tables:
         weights=np.array([weights.collected_g, weights.lost_g, weights.seconds]),
         time_limit_s=scenario.time_limit_s,
         from_outside=from_outside,
+        bag_g=float(scenario.bag.capacity_g) if scenario.bag.capacity_g > 0.0 else np.inf,
+        clog=float(scenario.bag.clog),
     )
 
 
@@ -209,4 +223,6 @@ def empty_worlds(config: SafflowerConfig, b: int) -> Worlds:
     scenario = config.scenario
     room_for = scenario.plants * scenario.max_heads, scenario.max_tracks, config.slots, scenario.stops
     heads, tracks, slots, stops = (most + 1 for most in room_for)
-    return allocated(Worlds, b, heads=heads, tracks=tracks, slots=slots, stops=stops)
+    wilting = {"wilting_heads": heads, "wilting_tracks": tracks} if scenario.demanding else {}
+    wilting = wilting or {"wilting_heads": 0, "wilting_tracks": 0}
+    return allocated(Worlds, b, heads=heads, tracks=tracks, slots=slots, stops=stops, **wilting)

@@ -17,8 +17,8 @@ from ..columns import Says, numbered
 from ..core import Array
 from .config import EFFORTS, SafflowerConfig
 
-DRIVE, NOTHING, FINISH = 3, 4, 5
-"""Kinds of decision after the three efforts: drive on, an illegal action, leave the row."""
+DRIVE, NOTHING, FINISH, EMPTY = 3, 4, 5, 6
+"""Kinds of decision after the three efforts: drive on, an illegal action, leave the row, empty the bag."""
 STILL_M = 1e-4
 """A cart that moves less than this stands still and need not settle."""
 
@@ -31,7 +31,7 @@ class Phases(NamedTuple):
     travel: Annotated[int, Says("s", "moving tool and cart to a head")]
     settle: Annotated[int, Says("s", "waiting until plants and frame stand still")]
     shear: Annotated[int, Says("s", "cutting")]
-    suck: Annotated[int, Says("s", "collecting after the last stroke")]
+    suck: Annotated[int, Says("s", "collecting after the last stroke, or emptying the bag")]
 
 
 P = numbered(Phases)
@@ -75,10 +75,11 @@ class Rates(NamedTuple):
 def standing_s(config: SafflowerConfig) -> Array:
     """Seconds (kinds, phases) of a decision by its kind, motion and what follows from it apart."""
     process = config.process
-    table = np.zeros((FINISH + 1, len(P)))
-    table[:, P.recognise] = [process.locate_s] * len(EFFORTS) + [process.recognise_s, process.illegal_s, 0.0]
+    table = np.zeros((EMPTY + 1, len(P)))
+    table[:, P.recognise] = [process.locate_s] * len(EFFORTS) + [process.recognise_s, process.illegal_s, 0.0, 0.0]
     table[:DRIVE, P.shear] = np.array(process.strokes) * process.stroke_m / process.shear_speed
     table[:DRIVE, P.suck] = process.suction_s
+    table[EMPTY, P.suck] = config.scenario.bag.empty_s
     return table
 
 

@@ -16,7 +16,7 @@ from .core import SafflowerCore
 from .machine import picker_parameters, trajectory
 from .scene import Looks, PickerScene
 from .state import PickerPlan
-from .timing import NOTHING
+from .timing import EMPTY, NOTHING
 
 MATCH_RADIUS_M = 0.025
 """A report farther than this from every head is counted as false."""
@@ -87,7 +87,7 @@ class PickerView(View[PickerPlan]):
         self._load_if_new()
         still = self._draw(plan.start[0])
         yield from _repeat(still, phases["recognise"] * frames_per_second)
-        if plan.kind[0] != NOTHING:
+        if plan.kind[0] not in (NOTHING, EMPTY):
             cart, tool, _ = trajectory(plan, core.config.machine.clear_level_m, 1.0 / frames_per_second)
             for x, place in zip(cart, tool, strict=True):
                 yield self._draw(np.array([x, *place]))
