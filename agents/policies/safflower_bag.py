@@ -30,7 +30,7 @@ from .search import NOTHING, Step, Taken, search
 
 Array = NDArray[np.float64]
 
-DEPTH, WIDTH = 6, 16
+DEPTH, WIDTH = 8, 40
 """Longest sequence that the planner grows, and how many of each length it keeps."""
 PRICE = 0.03
 """What a second costs for every stop that lies ahead, in what picking earns on average."""
@@ -71,6 +71,7 @@ class Picks(NamedTuple):
         clog: share that a full bag lets drop.
         spread_s: half the range of times at which a head may wilt beside what is reported; linear in between.
         price: (B,), of a second.
+        burden: (B,), what a full bag costs at the end of a sequence, in proportion to its fill.
         place: (B, K, 2), of the candidates along from the machine and across, metres.
         descent_s: (B, K), down to them.
         closes_s: (B, K), seconds until they wilt.
@@ -87,6 +88,7 @@ class Picks(NamedTuple):
     clog: float
     spread_s: float
     price: Array
+    burden: Array
     place: Array
     descent_s: Array
     closes_s: Array
@@ -118,7 +120,8 @@ def extend(
 ) -> Step:
     """One more pick, or the bag emptied; ``x`` and ``y`` are along and across, ``z`` is what is in the bag."""
     if candidate == problem.open.shape[1]:
-        return Step(x, y, 0.0, clock_s + problem.empty_s, 0.0, option == 0 and z > 0.0)
+        relief = problem.burden[w] * (z / problem.bag_g)
+        return Step(x, y, 0.0, clock_s + problem.empty_s, relief, option == 0 and z > 0.0)
     if not problem.open[w, candidate] or z >= problem.bag_g:
         return Step(x, y, z, clock_s, 0.0, False)
     along, across = problem.place[w, candidate, 0], problem.place[w, candidate, 1]
@@ -131,6 +134,7 @@ def extend(
     full = z / problem.bag_g
     gain = chance * (problem.worth[w, candidate, option] - full * problem.loss[w, candidate, option])
     grams = chance * problem.grams[w, candidate, option] * (1.0 - problem.clog * full)
+    gain -= problem.burden[w] * (grams / problem.bag_g)
     # The tool rises from here whatever comes next.
     return Step(along, across, z + grams, done_s + descent_s, gain, True)
 
@@ -165,7 +169,14 @@ class BagHorizon(GramsPerSecond):
 
     name = "bag-horizon"
 
-    def __init__(self, config: SafflowerConfig, depth: int = DEPTH, width: int = WIDTH, price: float = PRICE):
+    def __init__(
+        self,
+        config: SafflowerConfig,
+        depth: int = DEPTH,
+        width: int = WIDTH,
+        price: float = PRICE,
+        burden: float = BURDEN,
+    ):
         """Take the machine's numbers from the configuration.
 
         Args:
@@ -173,9 +184,10 @@ class BagHorizon(GramsPerSecond):
             depth: longest sequence.
             width: sequences kept.
             price: see ``PRICE``.
+            burden: see ``BURDEN``.
         """
         super().__init__(config)
-        self.config, self._depth, self._width, self._ahead = config, depth, width, price
+        self.config, self._depth, self._width, self._ahead, self._burden = config, depth, width, price, burden
         standing = standing_s(config)[:DRIVE]
         self._work_s = standing[:, P.shear] + standing[:, P.suck] + standing[:, P.recognise]
         self._rates = Rates.of(config)
@@ -225,6 +237,7 @@ class BagHorizon(GramsPerSecond):
             clog=float(clog),
             spread_s=float(np.sqrt(3.0) * max(scenario.wilting.read_sigma_s, 1.0)),
             price=price,
+            burden=self._burden * np.minimum(open_heads.sum(axis=1) / FEW + ahead, 1.0),
             place=np.stack([table[..., C.along] * AHEAD_SCALE_M, table[..., C.across] * ACROSS_SCALE_M], axis=-1),
             descent_s=descent_s,
             closes_s=closes_s,
