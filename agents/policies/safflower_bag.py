@@ -34,7 +34,10 @@ DEPTH, WIDTH = 8, 40
 """Longest sequence that the planner grows, and how many of each length it keeps."""
 PRICE = 0.03
 """What a second costs for every stop that lies ahead, in what picking earns on average."""
-
+BURDEN = 0.3
+"""What a bag that is left full costs, in grams of reward; less where few heads are left to pick."""
+FEW = 6.0
+"""Heads that are few; a stop ahead is thought to hold at least as many."""
 MOVE_S = 1.5
 """Way from head to head and wait for the cart that the estimate reckons with [assumed by the planner]."""
 

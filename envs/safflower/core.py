@@ -72,9 +72,7 @@ class SafflowerCore(ErringCore[PickerPlan, PickerOutcome]):
         k, actions = config.slots, DRIVE * config.slots + 1
         if config.scenario.demanding:
             actions += 1
-            self.blocks = MappingProxyType(
-                {**self.blocks, "machine": DemandingMachine, "candidates": DemandingCandidate}
-            )
+            self.blocks = {**self.blocks, "machine": DemandingMachine, "candidates": DemandingCandidate}
             self.machine_features, self.candidate_features = names(DemandingMachine), names(DemandingCandidate)
         self.exact = perception == PerceptionModel.perfect()
         self.action_space = spaces.Discrete(actions)
