@@ -250,7 +250,7 @@ def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or
             for case in cases
             if case.condition.env_id == env_id
             and case.condition.perception != "camera"
-            and case.condition.scenario not in task(env_id).demands
+            and case.condition.scenario not in (*task(env_id).demands, *task(env_id).ordering)
         }
         assert {case.condition.scenario for case in by_backend.values()} == {task(env_id).headline}
         assert {case.condition.perception for case in by_backend.values()} == {"model"}
@@ -293,6 +293,18 @@ def test_the_full_suite_plays_what_is_demanded_with_eyes_that_can_meet_it():
     assert all("learned" not in case.policies and "hold-backlog-0.65" in case.policies for case in cases)
 
 
+def test_the_full_suite_plays_what_has_to_be_put_in_order_with_those_who_can():
+    ordered = [case for case in suites.suite("full").cases if case.condition.scenario == "bag"]
+    assert [(case.condition.backend, case.condition.perception, case.bounded) for case in ordered] == [
+        ("analytic", "model", True)
+    ]
+    assert {"fixed-order", "closing-first", "bag-horizon"} <= set(ordered[0].policies)
+    assert "learned" not in ordered[0].policies and "random" in ordered[0].policies
+    others = [case for case in suites.suite("tiers").cases if case.condition.scenario == "row"]
+    assert len(others) == 1 and {"learned", "route"} <= set(others[0].policies)
+    assert not {"closing-first", "bag-horizon"} & set(others[0].policies)
+
+
 def test_a_suite_is_narrowed_to_a_perception():
     narrowed = suites.suite("full").narrowed(perception="camera")
     assert {case.condition.perception for case in narrowed.cases} == {"camera"} and narrowed.cases
@@ -312,7 +324,8 @@ def test_suites_cover_every_environment_with_its_reference():
             assert case.reference in case.policies
             seen = case.condition.perception == "camera" and name == "full"
             owed = name == "full" and case.condition.scenario in task(case.condition.env_id).demands
-            everybody = policy_names(case.condition.env_id)
+            spec = task(case.condition.env_id)
+            everybody = spec.lineup(case.condition.scenario, policy_names(case.condition.env_id))
             rules = tuple(policy for policy in everybody if policy != "learned")
             assert case.policies == ((case.reference,) if seen else rules if owed else everybody)
             assert case.condition.scenario in task(case.condition.env_id).scenarios

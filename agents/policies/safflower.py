@@ -52,9 +52,7 @@ def wanted(observation: Observation) -> NDArray[np.bool_]:
     return (observation["action_mask"][:, : -1 : len(EFFORTS)] > 0) & in_bloom
 
 
-def decided(
-    observation: Observation, slot: NDArray[Any], effort: NDArray[Any] | int, picks: NDArray[np.bool_]
-) -> Actions:
+def decided(observation: Observation, slot: NDArray[Any], effort: NDArray[Any] | int, picks: Any) -> Actions:
     """Actions (B,): pick in these slots with these efforts where ``picks``, else drive on; a full bag is emptied."""
     other = len(EFFORTS) * candidate_table(observation).shape[1]
     actions = np.where(picks, slot * len(EFFORTS) + effort, other)

@@ -224,7 +224,7 @@ class ScenarioConfig(Config):
         """Whether bag or wilting make the order matter, and so have to be shown."""
         return self.bag.capacity_g > 0.0 or self.wilting.closes_s[1] > 0.0
 
-    def stands_m(self) -> NDArray[np.float64]:
+    def stands_m(self) -> NDArray[np.floating]:
         """Where the plants stand, (plants, 2), along and across, row by row."""
         along = self.pitch_m * (np.arange(self.places, dtype=np.float64) + 0.5 * (not self.potted))
         across = self.row_gap_m * (np.arange(self.rows) - 0.5 * (self.rows - 1))
