@@ -313,7 +313,7 @@ def _policies(spec: TaskSpec) -> None:
 
 
 def check_policies(env_id: str, scenario: str, seeds: Sequence[int] = range(2)) -> dict[str, Scores]:
-    """Every policy of a task finishes its episodes and takes no illegal action.
+    """Every policy that is for a scenario finishes its episodes and takes no illegal action.
 
     Args:
         env_id: a registered id.
@@ -330,7 +330,7 @@ def check_policies(env_id: str, scenario: str, seeds: Sequence[int] = range(2)) 
     from .agents.evaluation import evaluate
 
     reached = {}
-    for name in policy_names(env_id):
+    for name in task(env_id).lineup(scenario, policy_names(env_id)):
         try:
             reached[name] = evaluate(lambda env, name=name: make_policy(name, env, 1), env_id, seeds, scenario=scenario)
         except RuntimeError as error:

@@ -314,8 +314,8 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "row-sparse": _row("row-sparse", 0.30, 0.10),
     "row": _row("row", 0.20, 0.175),
     "row-dense": _row("row-dense", 0.125, 0.25),
-    "field": replace(_row("row-dense", 0.125, 0.25), drives=WORN, ground=StandGround("C")),
     "bag": BAG,
+    "field": replace(_row("row-dense", 0.125, 0.25), drives=WORN, ground=StandGround("C")),
 }
 """``field`` is the dense row with a worn machine, on ground that is no plane: nobody grinds gears, calibrates
 encoders and levels the ground before every row."""
