@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,8 @@ RESAMPLES = 4999
 BOOTSTRAP_SEED = 20220117
 """Fixed, so that a table made twice from the same episodes is the same table."""
 
+
+_ENDS = (0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE))
 
 FEWEST_PAIRS = 6
 """Below this even pairs that all point the same way could be chance: 2 * 0.5**5 > 0.05."""
@@ -41,12 +43,56 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Difference(Estimate):
-    """A paired difference, policy minus reference; ``n`` counts pairs."""
+    """A paired difference, policy minus reference; ``n`` counts pairs.
+
+    Attributes:
+        p: of the paired t test that there is none; NaN below two pairs.
+        together: the same among all comparisons that it stands with, see ``compared``; NaN where it stands alone.
+    """
+
+    p: float = np.nan
+    together: float = np.nan
 
     @property
     def significant(self) -> bool:
         """Whether enough pairs were seen and the interval leaves out 0."""
         return self.n >= FEWEST_PAIRS and (self.low > 0.0 or self.high < 0.0)
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is significant among all comparisons that it stands with, too."""
+        return self.significant and not self.together > 1.0 - CONFIDENCE
+
+
+ROUNDING = 1e-9
+"""Means that differ by less are the same: policies that take the same decisions, added up in another order."""
+Key = TypeVar("Key", bound=Hashable)
+
+
+def front(spots: Mapping[Key, tuple[float, float]]) -> frozenset[Key]:
+    """Who is on the Pareto front of two means that are better the larger they are; NaN is nowhere."""
+    finite = {key: spot for key, spot in spots.items() if np.isfinite(spot).all()}
+
+    def beats(other: tuple[float, float], spot: tuple[float, float]) -> bool:
+        more = [one - two for one, two in zip(other, spot, strict=True)]
+        return min(more) >= -ROUNDING and max(more) > ROUNDING
+
+    return frozenset(key for key, spot in finite.items() if not any(beats(other, spot) for other in finite.values()))
+
+
+def compared(differences: Mapping[Key, Difference]) -> dict[Key, Difference]:
+    """The same differences with their p values ``together``: Holm's, so that all false claims together are few.
+
+    With them the chance that any of the differences is called one and is none is 5 % at most, however the tests depend
+    on each other (Holm 1979, A simple sequentially rejective multiple test procedure). Those without a p value are no
+    comparisons.
+    """
+    told = sorted((key for key, item in differences.items() if item.p >= 0.0), key=lambda key: differences[key].p)
+    found, largest = dict(differences), 0.0
+    for i, key in enumerate(told):
+        largest = max(largest, min((len(told) - i) * differences[key].p, 1.0))
+        found[key] = replace(differences[key], together=largest)
+    return found
 
 
 def mean(values: ArrayLike) -> Estimate:
@@ -74,7 +120,21 @@ def paired_difference(values: ArrayLike, reference: ArrayLike) -> Difference:
     if first.shape != second.shape:
         raise ValueError(f"values {first.shape} and reference {second.shape} must be paired, one of each per seed")
     finite = _finite(first - second)
-    return Difference(*_bootstrap(finite, _mean, np.float64), len(finite))
+    return Difference(*_bootstrap(finite, _mean, np.float64), len(finite), _no_difference(finite))
+
+
+def paired_wins(values: ArrayLike, reference: ArrayLike) -> Estimate:
+    """Share of the pairs of (n,) and (n,) in which the first is larger, ties counted half, with its 95 % interval.
+
+    The probability of improvement (Agarwal et al. 2021) of episodes that share their field and their luck.
+
+    Raises:
+        ValueError: the two have different shapes.
+    """
+    first, second = np.asarray(values, dtype=np.float64), np.asarray(reference, dtype=np.float64)
+    if first.shape != second.shape:
+        raise ValueError(f"values {first.shape} and reference {second.shape} must be paired, one of each per seed")
+    return mean(0.5 + 0.5 * np.sign(_finite(first - second)))
 
 
 def paired_share(values: ArrayLike, reference: ArrayLike) -> Estimate:
@@ -94,8 +154,53 @@ def paired_share(values: ArrayLike, reference: ArrayLike) -> Estimate:
     if n < 2:
         return Estimate(float(pairs[0, 0] / pairs[1, 0]) if n else np.nan, np.nan, np.nan, n)
     sums = _resamples(n, np.float64) @ pairs.T
-    low, high = np.quantile(sums[:, 0] / sums[:, 1], [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)])
+    low, high = np.quantile(sums[:, 0] / sums[:, 1], _ENDS)
     return Estimate(float(pairs[0].mean() / pairs[1].mean()), float(low), float(high), n)
+
+
+def profile(groups: Sequence[ArrayLike], levels: ArrayLike) -> Array:
+    """A performance profile over several tasks: share of the episodes that reach each of ``levels`` (L,).
+
+    Every group, the scores (n,) of one task, counts the same and is resampled by itself (stratified, percentiles).
+    Agarwal et al. 2021 call it a score distribution.
+
+    Returns:
+        Share, and the ends of its interval (3, L).
+    """
+    reached = [_finite(group)[:, None] >= np.asarray(levels, dtype=np.float64) for group in groups]
+    found = _stratified([part.astype(np.float64) for part in reached])
+    low, high = np.quantile(found, _ENDS, axis=0)
+    return np.stack([np.mean([part.mean(axis=0) for part in reached], axis=0), low, high])
+
+
+def mean_of_means(groups: Sequence[ArrayLike]) -> Estimate:
+    """Mean over tasks of their means, each task's episodes (n,) resampled by themselves (stratified, percentiles)."""
+    parts = [_finite(group)[:, None] for group in groups]
+    low, high = np.quantile(_stratified(parts), _ENDS)
+    return Estimate(float(np.mean([part.mean() for part in parts])), float(low), float(high), sum(map(len, parts)))
+
+
+def _stratified(parts: Sequence[Array]) -> Array:
+    """Resampled means (R, L) over groups of their means over values (n, L)."""
+    means = []
+    for i, part in enumerate(parts):
+        # Groups of one size share their resamples: turned on, those of one group say nothing of another's.
+        counts = np.roll(_resamples(len(part), np.float64), i * RESAMPLES // max(len(parts), 1), axis=0)
+        means.append(counts @ part / len(part))
+    return np.asarray(np.mean(means, axis=0))
+
+
+def _no_difference(values: Array) -> float:
+    """Of the t test that differences (n,) have the mean 0; where they are all alike, of the sign test."""
+    from scipy.special import stdtr
+
+    n = len(values)
+    if n < 2:
+        return np.nan
+    spread = float(values.std(ddof=1))
+    if spread == 0.0 or np.ptp(values) == 0.0:
+        return 1.0 if values[0] == 0.0 else 0.5 ** (n - 1)
+    return float(2.0 * stdtr(n - 1, -abs(values.mean()) * n**0.5 / spread))
 
 
 def _finite(values: ArrayLike) -> Array:
@@ -148,7 +253,7 @@ def _bootstrap(values: Array, statistic: Callable[[Counts, Array], Array], kind:
     if np.ptp(values) == 0.0:
         return value, value, value
     found = statistic(_resamples(n, kind), values)
-    ends = np.array([0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)])
+    ends = np.array(_ENDS)
     below = 0.5 * (np.mean(found < value) + np.mean(found <= value))
     without = statistic(1 - np.eye(n, dtype=kind), values)
     influence = without.mean() - without

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,22 @@ import numpy as np
 
 from ..agents.policies.weights import LEARNED
 from ..agents.sources import BY_ENDING
+from ..envs.task import task
 from .limits import Limit, limits
 from .rates import derived
 from .record import Record, condition, field_of
-from .statistics import Difference, Estimate, interquartile_mean, mean, paired_difference
+from .statistics import Difference, Estimate, compared, front, interquartile_mean, mean, paired_difference, paired_wins
 from .suites import BOUND, Case, Condition
 
 MAIN = ("net_rate", "cycle_time_s", "throughput_per_min", "damaged", "return")
 """Scores with an interquartile mean and a paired difference to the reference policy."""
+
+
+RULE, PLANNER = "rule", "planner"
+RIVALS = (RULE, PLANNER)
+"""Kinds of scripted policies; every other policy is held against the best of each, beside the reference."""
+HELD = ("net_rate", "cycle_time_s", "return")
+"""Scores in which it is."""
 
 
 Values = dict[str, float]
@@ -28,6 +37,16 @@ Values = dict[str, float]
 def is_learned(policy: str) -> bool:
     """Whether a policy's name is one of a learned one; these are compared with every rule."""
     return policy.startswith(LEARNED) or Path(policy).suffix in BY_ENDING
+
+
+def kind_of(env_id: str, policy: str) -> str:
+    """What a policy is: one of ``RIVALS``; empty for learned ones and those from a file or module."""
+    if is_learned(policy) or ":" in policy:
+        return ""
+    try:
+        return PLANNER if policy in task(env_id).planners else RULE
+    except ValueError:  # of a task that is not installed here
+        return RULE
 
 
 @dataclass(frozen=True)
@@ -46,6 +65,12 @@ class Row:
         gaps: to the bound on the same seeds, none of them below 0: bound minus policy for ``net_rate`` and ``return``,
             policy minus bound at its own net rate for ``cycle_time_s``. Empty where there is no bound.
         over_rules: of a learned policy: its return minus that of every other policy, on the same seeds.
+        rivals: the best rule and the best planner by mean return, by ``RIVALS``; what there is none of is missing.
+        over: of ``HELD`` to each of them on the same seeds, by ``RIVALS`` and score; a policy is not held against
+            itself. These and ``differences`` are told together (``Difference.together``) with all of their condition.
+        wins: share of the fields on which the return is larger than that of the ``reference``, the best ``rule``, the
+            best ``planner``, ties counted half.
+        front: no other policy has both as high a net rate and as short a cycle, by the means, and one of them better.
         charged: whether thinking was added to the clocks, see ``thinking``; such figures differ from run to run.
     """
 
@@ -58,6 +83,10 @@ class Row:
     differences: Mapping[str, Difference] = field(default_factory=dict)
     gaps: Mapping[str, Difference] = field(default_factory=dict)
     over_rules: Mapping[str, Difference] = field(default_factory=dict)
+    rivals: Mapping[str, str] = field(default_factory=dict)
+    over: Mapping[str, Mapping[str, Difference]] = field(default_factory=dict)
+    wins: Mapping[str, Estimate] = field(default_factory=dict)
+    front: bool = False
     charged: bool = False
 
     @property
@@ -94,13 +123,55 @@ def summarise(records: Iterable[Record], cases: Sequence[Case], bounds: Iterable
     rows = []
     for group in sorted(groups, key=lambda item: (_place(item, list(order)), str(item))):
         wanted = list(order[group].policies) if group in order else []
-        maker = _RowMaker(
-            group, references.get(group.env_id, ""), groups[group], known.get(group, {}), group in charged
-        )
-        rows += [maker.row(policy) for policy in sorted(groups[group], key=lambda name: (_place(name, wanted), name))]
+        names = sorted(groups[group], key=lambda name: (_place(name, wanted), name))
+        policies = {name: groups[group][name] for name in names}
+        maker = _RowMaker(group, references.get(group.env_id, ""), policies, known.get(group, {}), group in charged)
+        rows += _together([maker.row(policy) for policy in names])
         if group in known:
             rows.append(maker.bound())
     return rows
+
+
+REFERENCE = "reference"
+Pair = tuple[frozenset[str], str]
+"""Two policies and a score."""
+
+
+def comparisons(rows: Iterable[Row]) -> dict[Pair, Difference]:
+    """All comparisons of the rows of one condition, to the reference and to the best of ``RIVALS``, each pair once."""
+    found: dict[Pair, Difference] = {}
+    for row in rows:
+        for other, of in (
+            (row.reference, row.differences),
+            *((row.rivals[whose], of) for whose, of in row.over.items()),
+        ):
+            for name, item in of.items():
+                found.setdefault((frozenset({row.policy, other}), name), item)
+    return found
+
+
+def _together(rows: Sequence[Row]) -> list[Row]:
+    """The rows of one condition, each of their comparisons told among all of them, and those on the front."""
+    found = compared(comparisons(rows))
+    ahead = front({row.policy: (_mean(row, "net_rate"), -_mean(row, "cycle_time_s")) for row in rows})
+
+    def told(policy: str, other: str, of: Mapping[str, Difference]) -> dict[str, Difference]:
+        pair = frozenset({policy, other})
+        return {name: replace(item, together=found[pair, name].together) for name, item in of.items()}
+
+    return [
+        replace(
+            row,
+            differences=told(row.policy, row.reference, row.differences),
+            over={whose: told(row.policy, row.rivals[whose], of) for whose, of in row.over.items()},
+            front=row.policy in ahead,
+        )
+        for row in rows
+    ]
+
+
+def _mean(row: Row, name: str) -> float:
+    return row.scores[name].value if name in row.scores else math.nan
 
 
 def _place(item: Any, order: Sequence[Any]) -> int:
@@ -151,6 +222,17 @@ class _RowMaker:
             differences={name: self._difference(policy, self.reference, name) for name in main if compared},
             gaps=self._gaps(own),
             over_rules={name: self._difference(policy, name, "return") for name in rules} if is_learned(policy) else {},
+            rivals=self.rivals,
+            over={
+                whose: {name: self._difference(policy, rival, name) for name in HELD if name in columns}
+                for whose, rival in self.rivals.items()
+                if rival != policy
+            },
+            wins={
+                whose: paired_wins(*self._pairs(policy, rival, "return"))
+                for whose, rival in {REFERENCE: self.reference, **self.rivals}.items()
+                if rival != policy and rival in self.policies
+            },
             charged=self.charged,
         )
 
@@ -161,12 +243,26 @@ class _RowMaker:
         scores = {name: mean([np.nan if x is None else x for x in column]) for name, column in columns.items()}
         return Row(self.group, BOUND, self.reference, len(known), scores, charged=self.charged)
 
+    @cached_property
+    def rivals(self) -> dict[str, str]:
+        """The best of every kind of scripted policies, the first of equals."""
+        found: dict[str, str] = {}
+        best: dict[str, float] = {}
+        for name, own in self.policies.items():
+            kind = kind_of(self.group.env_id, name)
+            value = float(np.mean([own[seed]["return"] for seed in sorted(own)]))
+            if kind and value > best.get(kind, -math.inf):
+                found[kind], best[kind] = name, value
+        return {kind: found[kind] for kind in RIVALS if kind in found}
+
     def _difference(self, policy: str, other: str, name: str) -> Difference:
+        return paired_difference(*self._pairs(policy, other, name))
+
+    def _pairs(self, policy: str, other: str, name: str) -> tuple[list[float], list[float]]:
+        """A score of two policies on the fields that both played, in the order of the fields."""
         own, theirs = self.policies[policy], self.policies[other]
         shared = sorted(own.keys() & theirs.keys())
-        return paired_difference(
-            [own[seed].get(name, np.nan) for seed in shared], [theirs[seed].get(name, np.nan) for seed in shared]
-        )
+        return [own[seed].get(name, np.nan) for seed in shared], [theirs[seed].get(name, np.nan) for seed in shared]
 
     def _gaps(self, own: Mapping[Any, Values]) -> dict[str, Difference]:
         shared = [(own[seed], self.known[seed]) for seed in sorted(own.keys() & self.known.keys())]

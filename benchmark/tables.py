@@ -1,21 +1,19 @@
-"""Rows as tables: on the terminal and as CSV, Markdown and JSON."""
+"""Rows as tables: on the terminal and as Markdown."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..kernels.files import replace_file
-from . import rates
+from . import ranking, rates
+from .exports import as_json, comma_separated
 from .statistics import FEWEST_PAIRS, Difference, Estimate
 from .suites import BOUND, Condition
-from .summary import Row, summarise
+from .summary import HELD, REFERENCE, RIVALS, Row, summarise
 from .thinking import CHARGED
 
 if TYPE_CHECKING:
@@ -33,8 +31,9 @@ class Column:
         name: the score.
         scale: factor from the score's unit to the shown one.
         digits: decimals.
-        kind: ``"mean"``, ``"iqm"`` (interquartile mean), ``"difference"`` (paired, to the reference) or ``"gap"``
-            (paired, to the bound).
+        kind: ``"mean"``, ``"iqm"`` (interquartile mean), ``"gap"`` (paired, to the bound), one of ``DIFFERENCES``
+            (paired, to the reference, the best rule, the best planner), or ``"wins"`` (share of the fields on which the
+            return is larger; its ``name`` says than whose), or ``"front"`` (whether it is on the Pareto front).
     """
 
     title: str
@@ -45,14 +44,23 @@ class Column:
 
     def cell(self, row: Row) -> tuple[str, str]:
         """The value and its interval as text; the interval of a difference that may be none says so."""
-        parts = {"mean": row.scores, "iqm": row.iqm, "difference": row.differences, "gap": row.gaps}
-        estimate: Estimate | None = parts[self.kind].get(self.name)
+        if self.kind == "front":
+            return ("yes" if row.front else "-"), ""
+        parts: Mapping[str, Mapping[str, Estimate]] = {
+            "mean": row.scores,
+            "iqm": row.iqm,
+            "gap": row.gaps,
+            "wins": row.wins,
+            "difference": row.differences,
+            **row.over,
+        }
+        estimate = parts.get(self.kind, {}).get(self.name)
         if estimate is None or not math.isfinite(estimate.value):
             return "-", ""
-        value = self.text(estimate.value, "+" if self.kind == "difference" else "")
+        value = self.text(estimate.value, "+" if self.kind in DIFFERENCES else "")
         if not math.isfinite(estimate.low):
             return value, ""
-        mark = doubt(estimate) if self.kind == "difference" else ""
+        mark = doubt(estimate) if self.kind in DIFFERENCES else ""
         return value, f"{self.text(estimate.low)} .. {self.text(estimate.high)} {mark}".rstrip()
 
     def text(self, value: float, sign: str = "") -> str:
@@ -61,11 +69,20 @@ class Column:
         return f"{rounded:{sign}.{self.digits}f}"
 
 
+DIFFERENCES = ("difference", *RIVALS)
+"""Kinds of columns of paired differences between policies."""
+MARKS = FEW, NONE, AMONG_MANY = "few", "n.s.", "Holm"
+"""What marks a difference that may be none: too few pairs, an interval that holds 0, one that leaves it out as one
+of so many may by chance."""
+
+
 def doubt(item: Estimate) -> str:
-    """What marks a difference that may be none: ``n.s.``, with too few pairs ``few``; empty for any other."""
-    if not isinstance(item, Difference) or item.significant:
+    """What marks a difference that may be none; empty for any other."""
+    if not isinstance(item, Difference) or item.stands:
         return ""
-    return "few" if item.n < FEWEST_PAIRS else "n.s."
+    if item.significant:
+        return AMONG_MANY
+    return FEW if item.n < FEWEST_PAIRS else NONE
 
 
 COLUMNS = (
@@ -75,6 +92,7 @@ COLUMNS = (
     Column("difference, s", "cycle_time_s", 1.0, 2, "difference"),
     Column("return", "return", 1.0, 3),
     Column("gap to bound, points", "net_rate", 100.0, 2, "gap"),
+    Column("front", "front", 1.0, 0, "front"),
     Column("ms a decision", "decision_ms", 1.0, 2),
 )
 
@@ -85,6 +103,7 @@ _SCORES = (
     ("damaged", "damaged", 1.0, 2),
     ("return", "return", 1.0, 3),
 )
+_HELD = tuple(score for score in _SCORES if score[1] in HELD)
 
 
 def field_columns(rows: Sequence[Row]) -> tuple[Column, ...]:
@@ -110,11 +129,20 @@ MARKDOWN: tuple[tuple[str, tuple[Column, ...]], ...] = (
         "Mean",
         (
             *(Column(*score) for score in _SCORES),
+            Column("front", "front", 1.0, 0, "front"),
             Column("ms a decision", "decision_ms", 1.0, 2),
             Column("ms, 95th percentile", "decision_p95_ms", 1.0, 2),
         ),
     ),
     ("Difference to the policy in bold", tuple(Column(*score, "difference") for score in _SCORES)),
+    *((f"Difference to the best {kind}", tuple(Column(*score, kind) for score in _HELD)) for kind in RIVALS),
+    (
+        "Larger return on, % of the fields",
+        (
+            Column("than the policy in bold", REFERENCE, 100.0, 1, "wins"),
+            *(Column(f"than the best {kind}", kind, 100.0, 1, "wins") for kind in RIVALS),
+        ),
+    ),
     ("Interquartile mean", tuple(Column(*score, "iqm") for score in _SCORES)),
     (
         "Gap to the bound",
@@ -126,14 +154,11 @@ MARKDOWN: tuple[tuple[str, tuple[Column, ...]], ...] = (
     ),
 )
 
-CSV_COLUMNS = (
-    *("env_id", "scenario", "backend", "perception", "policy", "reference"),
-    *("score", "value", "low", "high", "n", "charged", "changes", "fields"),
-)
-
 LEGEND = (
     "Means over episodes with 95 % bootstrap intervals. Differences are to the policy in bold, paired by seed; "
-    f"n.s.: the interval holds 0; few: under {FEWEST_PAIRS} pairs, too few to tell. "
+    f"n.s.: the interval holds 0; few: under {FEWEST_PAIRS} pairs, too few to tell; Holm: the interval leaves out 0, "
+    "but as one of so many that may be chance. Front: no other policy has both as high a net rate and as short a "
+    "cycle, one of them better. "
     "Energy is the tool's and the positive mechanical work of the motors that move it, estimated; no losses, no "
     "driving. "
     f"The row {BOUND}: what no policy can beat, its figures need not be reachable together."
@@ -160,13 +185,17 @@ def terminal_tables(rows: Iterable[Row], width: int) -> list[Table]:
 
     What does not fit ``width`` characters is left out from the right; ``summary.md`` has it.
     """
+    from rich.text import Text
+
     rows = list(rows)
     bounded = any(row.gaps for row in rows)
     columns = [column for column in COLUMNS if bounded or column.kind != "gap"]
     tables = []
     for group, members in conditions(rows).items():
-        tables.append(_fitting(_title(group, members), columns, members, width))
+        scores = _fitting(_title(group, members), columns, members, width)
         policies = [row for row in members if row.policy != BOUND]
+        scores.caption, scores.caption_justify = Text("\n".join(ranking.told(policies))), "left"
+        tables.append(scores)
         told = field_columns(policies) if policies else ()
         if told:
             # The net rate stands in the table above.
@@ -230,7 +259,8 @@ def markdown(rows: Iterable[Row]) -> str:
             if shown:
                 lines += [*_grid(title, columns, shown), ""]
         policies = [row for row in members if row.policy != BOUND]
-        parts.append("\n".join([*lines, LEGEND, "", *_phases(policies), ""]))
+        notes = [f"- {escaped(line)}" for line in ranking.told(policies)]
+        parts.append("\n".join([*lines, *notes, "", LEGEND, "", *_phases(policies), ""]))
     return "\n".join(["\n".join(["## In short", "", *(f"- {escaped(line)}" for line in verdicts(rows)), ""]), *parts])
 
 
@@ -297,48 +327,6 @@ def _phases(rows: Sequence[Row]) -> list[str]:
             f"| {escaped(row.policy)} | " + " | ".join(f"{v:.2f}" if math.isfinite(v) else "-" for v in values) + " |"
         )
     return lines
-
-
-def comma_separated(rows: Iterable[Row]) -> str:
-    """One line a condition, policy and score.
-
-    Interquartile means are the scores called ``<score>_iqm``, paired differences ``<score>_minus_reference``, gaps to
-    the bound ``<score>_gap``, a learned policy's differences to rules ``return_minus_<rule>``. ``charged`` is 1
-    where thinking was charged to the clocks.
-    """
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
-    for row in rows:
-        named = [*row.scores.items(), *((f"{name}_iqm", item) for name, item in row.iqm.items())]
-        named += [(f"{name}_minus_reference", item) for name, item in row.differences.items()]
-        named += [(f"{name}_gap", item) for name, item in row.gaps.items()]
-        named += [(f"return_minus_{name}", item) for name, item in row.over_rules.items()]
-        group = row.condition
-        whose = (group.env_id, group.scenario, group.backend, group.perception, row.policy, row.reference)
-        for name, estimate in named:
-            numbers = (estimate.value, estimate.low, estimate.high, estimate.n, int(row.charged))
-            writer.writerow([*whose, name, *numbers, group.changes, group.fields])
-    return buffer.getvalue()
-
-
-def as_json(rows: Iterable[Row]) -> str:
-    """Everything in the rows, NaN as null."""
-    flagged = ("differences", "gaps", "over_rules")
-    plain = [_plain({**asdict(row), **{name: _flagged(getattr(row, name)) for name in flagged}}) for row in rows]
-    return json.dumps(plain, indent=2) + "\n"
-
-
-def _flagged(items: Mapping[str, Difference]) -> dict[str, Any]:
-    return {name: {**asdict(item), "significant": item.significant} for name, item in items.items()}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {name: _plain(item) for name, item in value.items()}
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def write(rows: Sequence[Row], folder: Path, name: str = "summary") -> list[Path]:

@@ -3,7 +3,9 @@
 What is simulated: nothing. A finished episode's clocks are put forward by the seconds for which its policy thought.
 
 - ``duration_s`` grows by all of its thinking, ``cycle_time_s`` by its share of the thinking up to the last finished
-  target; rates a minute fall with the duration; a phase ``phase_think_s`` holds the thinking.
+  target; so, in the same ratio, do the other times a target (``OTHER_CYCLES``); every rate a second, minute or hour
+  (``_per_s``, ``_per_min``, ``_per_h``), and what tables derive from it, falls as the duration grows; a phase
+  ``phase_think_s`` holds the thinking.
 - The world does not move meanwhile. For machines that stop for their work (picker, transplanter) that is what would
   happen, but for the time limit, which is not moved, and the seconds in the return, which are not charged. On a belt or
   on a cart that drives on, targets would also have come nearer, or left, while the policy thought: that is not
@@ -19,6 +21,11 @@ from __future__ import annotations
 
 from .record import Record
 
+OTHER_CYCLES = ("shot_time_s", "pick_cycle_s")
+"""Scores that are times a target as ``cycle_time_s`` is: of every shot, of every item that was put down."""
+PER_TIME = ("_per_s", "_per_min", "_per_h")
+"""How the names of rates end."""
+
 CHARGED = "thinking charged, differs from run to run"
 """Said wherever such results are shown."""
 
@@ -29,12 +36,14 @@ def charged(record: Record) -> Record:
         return record
     card = dict(record["scorecard"])
     thought_s, until_s, last_s = record["decision_s"], record["decision_before_last_s"], record["last_s"]
-    if card.get("cycle_time_s") is not None and last_s > 0.0:
-        card["cycle_time_s"] *= 1.0 + until_s / last_s
+    if last_s > 0.0:
+        for name in ("cycle_time_s", *OTHER_CYCLES):
+            if card.get(name) is not None:
+                card[name] *= 1.0 + until_s / last_s
     duration_s = card.get("duration_s")
     if duration_s:
         card["duration_s"] = duration_s + thought_s
-        for name in [name for name in card if name.endswith("_per_min") and card[name] is not None]:
+        for name in [name for name in card if name.endswith(PER_TIME) and card[name] is not None]:
             card[name] *= duration_s / (duration_s + thought_s)
     card["phase_think_s"] = thought_s
     return {**record, "scorecard": card, "charged": True}

@@ -42,6 +42,8 @@ class TaskSpec:
         reference: the policy that the others are compared with.
         best: scenario -> the policy that is recommended for it, under ``""`` that for all others: what ``best`` means.
             Without any the reference is.
+        planners: those of the policies that search some decisions ahead; tables tell the best of them apart from the
+            best rule.
         paper: where the machine comes from.
         bound: a function of the rules (one world) and of ``"drawn"``, ``"driven"`` or ``"any"`` reports that knows what
             no policy can beat (see ``bounds``); None where nobody has one.
@@ -70,6 +72,7 @@ class TaskSpec:
     ordering: tuple[str, ...] = ()
     lineups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     best: Mapping[str, str] = field(default_factory=dict)
+    planners: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check what can be checked without loading anything."""
@@ -83,6 +86,9 @@ class TaskSpec:
         for scenario, lineup in self.lineups.items():
             for name in (name for name in lineup if name not in self.policies):
                 raise ValueError(f"TaskSpec.lineups[{scenario!r}] has {name!r}: name some of its policies")
+        for name in self.planners:
+            if name not in self.policies:
+                raise ValueError(f"TaskSpec.planners: {name!r} is none of its policies")
 
     @property
     def name(self) -> str:

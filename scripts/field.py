@@ -15,6 +15,7 @@ from fieldgym.scripts.common import (
     chosen,
     environment_id,
     numbers_of,
+    seeds_of,
     told_in_one_line,
     writable_folder,
 )
@@ -47,9 +48,9 @@ def draw(
     """
     from fieldgym.envs.field_files import write_field
 
+    chance = _generator(seed)
     with told_in_one_line():
-        core = _core(env, scenario, sets, perception)
-        field = core.draw_field(_generator(seed))
+        field = _core(env, scenario, sets, perception).draw_field(chance)
         writable_folder(out.parent, "--out")
         write_field(field, out)
     typer.echo(f"{out}: {_counts(field)}")
@@ -78,10 +79,11 @@ def check(
     from fieldgym.envs.field_files import read_field, write_field
     from fieldgym.envs.options import completed
 
+    chance = _generator(seed)
     with told_in_one_line():
         core = _core(env, scenario, sets, perception)
         given = read_field(file, core.field_type, unit, scale)
-        whole = completed(core, given, _generator(seed))
+        whole = completed(core, given, chance)
         typer.echo(f"{file}: {_counts(given)}")
         for line in _filled(given, whole):
             typer.echo(f"  {line}")
@@ -208,9 +210,7 @@ def _core(env: str, scenario: str | None, sets: list[str] | None, perception: st
 def _generator(seed: int) -> Any:
     from gymnasium.utils import seeding
 
-    if seed < 0:
-        raise CommandError(f"--seed {seed}: give 0 or more")
-    return seeding.np_random(seed)[0]
+    return seeding.np_random(seeds_of(seed, None, None, 1)[0])[0]
 
 
 def _counts(field: Any) -> str:

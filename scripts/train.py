@@ -18,8 +18,10 @@ from fieldgym.scripts.common import (
     chosen,
     environment_id,
     tell,
+    told_in_one_line,
     writable_folder,
 )
+from fieldgym.scripts.train_beside import TimeLeft, beside, told
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -149,6 +151,7 @@ def _train(
     from fieldgym.envs.references import resolved
     from fieldgym.envs.task import task
     from fieldgym.kernels.locks import FolderBusyError
+    from fieldgym.kernels.seeds import CHOOSING
 
     if not resume and any(folder.glob("state.*")):
         raise CommandError(f"{folder} holds a run already: go on with --resume, or choose another folder with --out")
@@ -157,8 +160,12 @@ def _train(
     )
     own = task(env_id).learners.get(settings.algo)
     train = partial(training.train, threads=threads) if own is None else resolved(own)
+    fields = f"{settings.evaluation_episodes} seeds from {CHOOSING.first}"
+    with console.status(f"measuring what others return on {fields}"), told_in_one_line():
+        others = beside(env_id, settings.scenario, settings.evaluation_episodes)
+    console.print(f"Returns on {fields}, which the weights are chosen on: {told(others)}", soft_wrap=True)
     try:
-        with _shown(console, PLAIN_EVERY if own is None else 1) as show:
+        with _shown(console, PLAIN_EVERY if own is None else 1, told(others)) as show:
             result = train(env_id, settings, folder, seed=seed, resume=resume, on_update=show)
     except (CheckpointError, FolderBusyError, ValueError) as error:
         raise CommandError(str(error)) from None
@@ -169,41 +176,43 @@ def _train(
         raise typer.Exit(INTERRUPTED) from None
     console.print(result.progress.split(), soft_wrap=True)
     for point in result.curve[-1:]:
-        console.print(_held_out(point), soft_wrap=True)
+        console.print(_chosen_on(point), soft_wrap=True)
+        console.print(f"Others there: {told(others)}", soft_wrap=True)
     console.print(f"Policy: {result.best}; see fieldgym evaluate {env_id} --policy {result.best}", soft_wrap=True)
 
 
 @contextmanager
-def _shown(console: Console, every: int) -> Iterator[Any]:
-    """A bar on a terminal, a line every so many updates anywhere else."""
-    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+def _shown(console: Console, every: int, others: str) -> Iterator[Any]:
+    """A bar on a terminal, a line every so many updates anywhere else; ``others`` stand beside the learner's return."""
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+    columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     bar = Bar(*columns, TextColumn("{task.description}"), console=console, disable=not console.is_terminal)
-    task = bar.add_task("collecting", total=None)
+    task, left = bar.add_task("collecting", total=None), TimeLeft()
 
     def show(progress: Progress) -> None:
-        bar.update(task, total=progress.total, completed=progress.steps, description=_latest(progress))
+        left_s = left.after(progress)
+        text = _latest(progress, others) + ("" if left_s is None else f"; {left_s:.0f} s left")
+        bar.update(task, total=progress.total, completed=progress.steps, description=text)
         if not console.is_terminal and progress.updates % every == 0:
-            left_s = (progress.total - progress.steps) * progress.wall_s / max(progress.steps, 1)
-            console.print(
-                f"  {progress.steps:>10,}  {_latest(progress)}, {max(left_s, 0.0):.0f} s left", soft_wrap=True
-            )
+            console.print(f"  {progress.steps:>10,}  {text}", soft_wrap=True)
 
     with bar:
         yield show
 
 
-def _latest(progress: Progress) -> str:
+def _latest(progress: Progress, others: str) -> str:
+    own = f"{progress.held_out['return']:.3f}" if progress.held_out else "not yet known"
+    text = f"return {own} ({others})"
     if math.isnan(progress.returns):
-        return "no episode has ended yet"
-    text = f"reward {progress.returns:.3f}, net rate {progress.net_rate:.3f}, cycle {progress.cycle_time_s:.2f} s"
-    return text + (f"; held-out reward {progress.held_out['return']:.3f}" if progress.held_out else "")
+        return text
+    rates = f"net rate {progress.net_rate:.3f}, cycle {progress.cycle_time_s:.2f} s"
+    return f"{text}; in training {progress.returns:.3f}, {rates}"
 
 
-def _held_out(point: dict[str, float]) -> str:
+def _chosen_on(point: dict[str, float]) -> str:
     return (
-        f"Held-out seeds after {point['steps']:,.0f} decisions: reward {point['return']:.3f}, net rate "
-        f"{point['net_rate']:.4f}, cycle time {point['cycle_time_s']:.2f} s"
+        f"Seeds that weights are chosen on, after {point['steps']:,.0f} decisions: return {point['return']:.3f}, "
+        f"net rate {point['net_rate']:.4f}, cycle time {point['cycle_time_s']:.2f} s"
     )

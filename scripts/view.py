@@ -69,8 +69,7 @@ def main(
     from fieldgym.agents import reference_policy
 
     env_id = common.environment_id(env)
-    if seed < 0:
-        raise common.CommandError(f"--seed {seed}: give 0 or more")
+    common.seeds_of(seed, None, None, 1)
     if not 0 <= port < 65536:
         raise common.CommandError(f"--port {port}: give 0..65535, 0 for any free one")
     if field is not None and not field.is_file():

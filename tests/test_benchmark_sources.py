@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fieldgym.agents import evaluation, make_policy
-from fieldgym.benchmark import runner, store, tables
+from fieldgym.benchmark import exports, runner, store, tables
 from fieldgym.benchmark.fields import FieldsError, field_files
 from fieldgym.benchmark.record import condition, identity, key, states
 from fieldgym.benchmark.report import page, reader
@@ -105,7 +105,7 @@ def test_a_policy_of_one_s_own_stands_in_table_differences_and_page(tmp_path: Pa
     rows = {row.policy: row for row in tables.summarise(report.records, chosen.cases)}
     assert list(rows) == ["fixed-order", name]
     assert rows[name].differences["return"].n == 2
-    assert f"{name},fixed-order,return," in tables.comma_separated(list(rows.values()))
+    assert f"{name},fixed-order,return," in exports.comma_separated(list(rows.values()))
     html = page.render(reader.load(tmp_path / "out"), "fieldgym report")
     assert name in html
 

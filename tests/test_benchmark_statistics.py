@@ -109,3 +109,49 @@ def test_pairs_must_match():
         statistics.paired_difference([1.0, 2.0], [1.0])
     result = statistics.paired_difference([1.0, np.nan, 4.0], [0.0, 1.0, 2.0])
     assert (result.value, result.n) == (1.5, 2)
+
+
+def test_a_difference_has_the_p_value_of_the_paired_t_test():
+    rng = np.random.default_rng(23)
+    first, second = rng.normal(0.3, 1.0, 40), rng.normal(0.0, 1.0, 40)
+    expected = scipy.stats.ttest_rel(first, second).pvalue
+    assert statistics.paired_difference(first, second).p == pytest.approx(expected, rel=1e-9)
+    assert statistics.paired_difference([2.0] * 4, [1.0] * 4).p == 0.5**3  # four signs alike, either way
+    assert statistics.paired_difference([1.0, 2.0], [1.0, 2.0]).p == 1.0
+    assert np.isnan(statistics.paired_difference([1.0], [0.0]).p)
+
+
+def test_together_comparisons_are_held_to_holm_s_steps():
+    values = {"a": 0.01, "b": 0.04, "c": 0.03, "d": 0.005, "lone": np.nan}
+    items = {key: statistics.Difference(1.0, 0.1, 2.0, 20, p) for key, p in values.items()}
+    found = statistics.compared(items)
+    # 4 x 0.005, 3 x 0.01, 2 x 0.03, and 0.04 alone, which may not fall below the step before it.
+    assert [found[key].together for key in "dacb"] == pytest.approx([0.02, 0.03, 0.06, 0.06])
+    assert [found[key].stands for key in "dacb"] == [True, True, False, False]
+    assert all(item.significant for item in found.values())
+    assert np.isnan(found["lone"].together) and found["lone"].stands
+    assert statistics.compared({1: items["b"]})[1].together == 0.04
+
+
+def test_wins_are_shares_of_pairs_and_ties_are_halves():
+    found = statistics.paired_wins([3.0, 2.0, 1.0, 5.0, np.nan], [1.0, 2.0, 4.0, 4.0, 0.0])
+    assert (found.value, found.n) == (0.625, 4)
+    with pytest.raises(ValueError, match="paired"):
+        statistics.paired_wins([1.0], [1.0, 2.0])
+
+
+def test_the_front_is_of_those_that_nobody_beats():
+    spots = {"fast": (0.6, -1.0), "sure": (0.9, -3.0), "twin": (0.9 + 1e-12, -3.0), "slow": (0.8, -3.0)}
+    assert statistics.front({**spots, "idle": (0.0, np.nan)}) == {"fast", "sure", "twin"}
+
+
+def test_over_tasks_each_counts_the_same_and_is_resampled_by_itself():
+    few, many = np.array([0.2, 0.6]), np.random.default_rng(29).uniform(0.5, 1.0, 40)
+    share, low, high = statistics.profile([few, many], [0.1, 0.55, 1.01])
+    assert share == pytest.approx([1.0, 0.5 * (0.5 + np.mean(many >= 0.55)), 0.0])
+    assert (low[0], high[0], high[2]) == (1.0, 1.0, 0.0) and low[1] < share[1] < high[1]
+    same = [np.random.default_rng(31).normal(0.0, 1.0, 200)] * 4
+    # Four tasks that are alike: half as wide as one, which equal draws for all of them would not be.
+    (one, four) = (statistics.mean_of_means(groups) for groups in (same[:1], same))
+    assert four.value == pytest.approx(one.value) and four.n == 800
+    assert (four.high - four.low) / (one.high - one.low) == pytest.approx(0.5, abs=0.05)

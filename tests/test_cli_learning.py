@@ -1,13 +1,20 @@
 """``fieldgym train`` and ``fieldgym evaluate`` as a user meets them."""
 
 import json
+import re
 import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from fieldgym.agents import make_policy
+from fieldgym.agents.evaluation import evaluate
+from fieldgym.agents.learning.runs import Progress
+from fieldgym.bounds import instance
+from fieldgym.kernels.seeds import CHOOSING
 from fieldgym.scripts import cli
+from fieldgym.scripts.train_beside import WINDOW_S, TimeLeft
 
 ENV = "fieldgym/SafflowerPicking-v0"
 
@@ -80,11 +87,42 @@ def test_train_then_go_on_then_evaluate(tmp_path: Path):
     words = ["train", "SafflowerPicking", "--config", str(config), "--out", str(out), "--threads", "1"]
     first = CliRunner().invoke(cli.app, [*words, "--steps", "128"])
     assert first.exit_code == 0, first.output
-    assert "environment" in first.stdout and "Held-out seeds after 128 decisions" in first.stdout
+    assert "environment" in first.stdout and "chosen on, after 128 decisions" in first.stdout
+    # Others stand beside the learner before it begins and in every line, with what they return on the same seeds.
+    told = re.search(
+        r"chosen on: (fixed-order ([-.\d]+), best \(grams-per-second\) ([-.\d]+), bound ([-.\d]+))\n", first.stdout
+    )
+    assert told is not None
+    shown = {}
+    for name in ("fixed-order", "grams-per-second"):
+        played = evaluate(lambda env, name=name: make_policy(name, env), ENV, CHOOSING.take(2))
+        shown[name] = played.returns.mean()
+    bound = [instance(ENV, seed).bound().episode_return for seed in CHOOSING.take(2)]
+    assert [float(told[i]) for i in (2, 3, 4)] == pytest.approx([*shown.values(), sum(bound) / 2], abs=6e-4)
+    assert f"Others there: {told[1]}" in first.stdout
     again = CliRunner().invoke(cli.app, [*words, "--steps", "256"])
     assert again.exit_code != 0 and "--resume" in str(again.exception)
     more = CliRunner().invoke(cli.app, [*words, "--steps", "256", "--resume"])
-    assert more.exit_code == 0 and "Held-out seeds after 256 decisions" in more.stdout
+    assert more.exit_code == 0 and "chosen on, after 256 decisions" in more.stdout
     words = ["evaluate", "SafflowerPicking", "--policy", str(out / "best.npz"), "--episodes", "2", "--json"]
     scored = CliRunner().invoke(cli.app, words)
     assert scored.exit_code == 0 and len(json.loads(scored.stdout)["policies"]) == 2
+
+
+def test_the_time_left_is_told_from_the_latest_pace():
+    left = TimeLeft()
+
+    def after(steps: int, now_s: float) -> float | None:
+        return left.after(Progress(steps=steps, total=10_000), now_s)
+
+    # A slow beginning (a resume, a lesson, what compiles) is forgotten once it lies a window back.
+    assert after(1000, 0.0) is None
+    assert after(1100, 50.0) == pytest.approx(8900 * 50.0 / 100)
+    paces = [after(1100 + 100 * i, 50.0 + 10.0 * i) for i in range(1, 8)]
+    assert paces[-1] == pytest.approx(8200 * 10.0 / 100) and WINDOW_S == 60.0
+    assert after(10_500, 125.0) == 0.0
+    # Where one update takes longer than the window, the last two count.
+    slow = TimeLeft()
+    clock = enumerate((0.0, 900.0, 1000.0, 1100.0))
+    paces = [slow.after(Progress(steps=100 * i, total=1000), now_s) for i, now_s in clock]
+    assert paces[-1] == pytest.approx(700 * 1.0)

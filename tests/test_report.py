@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,9 @@ import pytest
 from element_tree import Tree
 from typer.testing import CliRunner
 
+from fieldgym.benchmark import ranking
 from fieldgym.benchmark.record import Record
-from fieldgym.benchmark.report import episodes, grids, leaderboard, page, reader, sections
+from fieldgym.benchmark.report import episodes, grids, leaderboard, overall, page, reader, sections
 from fieldgym.benchmark.report.timeline import TimelineRecorder
 from fieldgym.benchmark.store import BOUNDS, EPISODES, MANIFEST, ResultsError
 from fieldgym.benchmark.suites import BOUND, Condition
@@ -200,7 +202,7 @@ def test_intervals_and_doubt_stand_beside_the_figures(study: reader.Study, html:
             for _, columns in [*grids.TABLE, *((title, cells) for title, cells in MARKDOWN if title != "Mean")]:
                 for column in columns:
                     _, interval = column.cell(row)
-                    span = interval.removesuffix(" n.s.").removesuffix(" few")
+                    span = re.sub(" (n.s.|few|Holm)$", "", interval)
                     assert span.replace(" .. ", " to ").replace("-", "\u2212") in html
                     if interval.endswith(" n.s."):
                         marked += 1
@@ -253,6 +255,25 @@ def test_page_and_leaderboard_show_cameras_beside_their_model(study: reader.Stud
     item, (_, mean) = move.differences["net_rate"], move.means["net_rate"]
     ends = f"{100.0 * item.low:.2f} .. {100.0 * item.high:.2f}"
     assert f"| fixed-order | 6 | {100.0 * mean:.2f} | {100.0 * item.value:+.2f}<br>{ends}" in line
+
+
+def test_all_tasks_are_told_together(study: reader.Study, html: str):
+    pots, belt = (item.headline for item in study.chapters)
+    assert overall.roles(pots) == {
+        "paper's order": "fixed-order",
+        "best rule": "fixed-order",
+        "learned": "learned",
+    }
+    assert overall.roles(belt) == {"paper's order": "fifo", "best rule": "nearest", "best planner": "receding-horizon"}
+    assert pots.most == {seed: 0.9 + 0.01 * (seed % 3) for seed in SEEDS} and not belt.most
+    assert html.count("Performance profile over all tasks</b>") == html.count("Probability of improvement</b>") == 1
+    wins = [pots.row("learned").wins["reference"].value, belt.row("receding-horizon").wins["reference"].value]
+    table = html.split("Probability of improvement</b>")[1].split("</table>")[0]
+    shares = re.findall(r"<td><span>([\d.]+)</span><small>", table)
+    assert f"{100.0 * wins[0]:.1f}" in shares and f"{100.0 * wins[1]:.1f}" in shares
+    for item in study.chapters:
+        for line in ranking.told(item.headline.rows):
+            assert f"<li>{escape(line, quote=False)}</li>" in html
 
 
 def test_stamp_says_where_it_comes_from(study: reader.Study, html: str):

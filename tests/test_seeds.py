@@ -2,9 +2,12 @@
 
 import ast
 import sys
+from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import pytest
+import typer
 from test_rooms import MODULES
 
 from fieldgym.benchmark import suites
@@ -94,12 +97,43 @@ def test_what_is_no_benchmark_is_refused_held_out_seeds():
             refuse_held_out([0, seed])
 
 
-@pytest.mark.parametrize("command", ["run", "evaluate", "collect"])
-def test_commands_refuse_held_out_seeds(command, capsys, monkeypatch):
-    words = [command, "HoeWeeding", "--policy", "fifo", "--seed", str(HELD_OUT.first - 1), "--episodes", "2"]
-    monkeypatch.setattr(sys, "argv", ["fieldgym", *words])
+NOT_THE_FIELDS = {"train"}
+"""Commands whose ``--seed`` is of something else: a run, whose fields lie in ``TRAINING``."""
+WORDS = {
+    "run": ["HoeWeeding", "--policy", "fifo", "--episodes", "2"],
+    "evaluate": ["HoeWeeding", "--policy", "fifo", "--episodes", "2"],
+    "collect": ["HoeWeeding", "--policy", "fifo", "--episodes", "2"],
+    "view": ["HoeWeeding"],
+    "field draw": ["HoeWeeding", "--out", "no/field.csv"],
+    "field check": ["field.csv", "--env", "HoeWeeding"],
+}
+"""How the others are called."""
+
+
+def seeded(group: Any, above: tuple[str, ...] = ()) -> Iterator[str]:
+    """Every command with a ``--seed`` by its words."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from seeded(command, (*above, name))
+        elif any("--seed" in option.opts for option in command.params):
+            yield " ".join((*above, name))
+
+
+def test_every_command_with_a_seed_is_known_here():
+    assert set(seeded(typer.main.get_command(cli.app))) - NOT_THE_FIELDS == set(WORDS)
+
+
+@pytest.mark.parametrize("command", WORDS)
+def test_commands_refuse_held_out_seeds(command, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    words = WORDS[command]
+    # The first of two episodes may be played, the second may not.
+    seed = HELD_OUT.first - ("--episodes" in words)
+    monkeypatch.setattr(sys, "argv", ["fieldgym", *command.split(), *words, "--seed", str(seed)])
     with pytest.raises(SystemExit) as left:
         cli.main()
     out, err = capsys.readouterr()
     assert left.value.code == 2 and out == "" and err.count("\n") == 1
     assert f"seed {HELD_OUT.first} is held out for the benchmark" in err
+    assert not (tmp_path / "no").exists()

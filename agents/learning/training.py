@@ -60,7 +60,7 @@ def train(
         seed: of the run.
         resume: go on from the folder's checkpoint.
         threads: of PyTorch; None leaves them as they are.
-        on_update: called after every update.
+        on_update: called after every update, and before the first where a teacher was learned from.
 
     Raises:
         CheckpointError: the checkpoint cannot be used.
@@ -92,6 +92,7 @@ def train(
                 run.restore(saved)
             elif settings.teacher is not None:
                 run.learn_from(settings.teacher)
+                on_update(record.progress)
             left = settings.steps - model.num_timesteps
             if left > 0:
                 model.learn(left, callback=run, reset_num_timesteps=False, log_interval=1)

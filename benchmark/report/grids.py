@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from ..suites import BOUND
 from ..summary import Row
-from ..tables import Column, doubt
+from ..tables import MARKS, Column, doubt
 from .markup import Markup, tag
 from .reader import Move, Tier
 from .styles import Style
@@ -21,7 +21,16 @@ TABLE = (
         (Column("mean", *_RATE), Column("vs paper", *_RATE, "difference"), Column("below bound", *_RATE, "gap")),
     ),
     ("cycle time, s", (Column("mean", *_CYCLE), Column("vs paper", *_CYCLE, "difference"))),
-    ("return", (Column("mean", *_RETURN), Column("vs paper", *_RETURN, "difference"))),
+    (
+        "return",
+        (
+            Column("mean", *_RETURN),
+            Column("vs paper", *_RETURN, "difference"),
+            Column("vs best rule", *_RETURN, "rule"),
+            Column("vs best planner", *_RETURN, "planner"),
+        ),
+    ),
+    ("front", (Column("net rate and cycle", "front", 1.0, 0, "front"),)),
     ("done", (Column("a minute", "throughput_per_min", 1.0, 2),)),
     ("damaged", (Column("an episode", "damaged", 1.0, 2),)),
     ("decision", (Column("ms", "decision_ms", 1.0, 2),)),
@@ -130,8 +139,9 @@ def cell(column: Column, row: Row, leads: bool = False, first: bool = False) -> 
     value, interval = column.cell(row)
     if value == "-":
         return tag("td", tag("span", NONE, _class="none"), _class="first" if first else None)
-    mark = next((word for word in (" n.s.", " few") if interval.endswith(word)), "")
-    return _td(value, interval.removesuffix(mark).replace(" .. ", " to "), mark.strip(), leads=leads, first=first)
+    mark = next((word for word in MARKS if interval.endswith(f" {word}")), "")
+    shown = interval.removesuffix(f" {mark}").replace(" .. ", " to ")
+    return _td(value, shown, mark, leads=leads, first=first)
 
 
 def _td(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from .. import ranking
 from ..rates import ACCEPTED, rates_of
 from ..summary import Row
 from ..tables import LEGEND, Column, doubt, escaped, field_columns
@@ -22,6 +23,10 @@ COLUMNS = (
     Column("damaged", "damaged", 1.0, 2),
     Column("return", "return", 1.0, 3),
     Column("difference", "return", 1.0, 3, "difference"),
+    Column("less best rule", "return", 1.0, 3, "rule"),
+    Column("less best planner", "return", 1.0, 3, "planner"),
+    Column("larger on, %", "reference", 100.0, 1, "wins"),
+    Column("front", "front", 1.0, 0, "front"),
     Column("below bound, points", "net_rate", 100.0, 2, "gap"),
     Column("ms a decision", "decision_ms", 1.0, 2),
 )
@@ -40,7 +45,10 @@ def render(study: Study, command: str) -> str:
     parts = [
         "# Leaderboard",
         "",
-        "Each task's headline tier, policies by mean return. " + LEGEND,
+        "Each task's headline tier, policies by mean return. "
+        + LEGEND
+        + " Larger on: the share of the fields on which "
+        "the return is larger than that of the policy in bold, ties counted half.",
         "",
         *(line for item in study.chapters for line in _chapter(item)),
         *_demands(study.chapters),
@@ -61,7 +69,7 @@ def _code(text: str) -> str:
 
 def _chapter(item: Chapter) -> list[str]:
     tier = item.headline
-    rows = sorted(tier.rows, key=lambda row: -_place(row))
+    rows = ranking.by_return(tier.rows)
     shown = [column for column in COLUMNS if any(column.cell(row)[0] != "-" for row in rows)]
     told = field_columns(rows)
     return [
@@ -71,6 +79,8 @@ def _chapter(item: Chapter) -> list[str]:
         "",
         *_numbered(rows, shown),
         *([] if tier.bound is None else [_line("", tier.bound, shown)]),
+        "",
+        *(f"- {escaped(line)}" for line in ranking.told(tier.rows)),
         "",
         *(["In the field:", "", *_named(rows, told), ""] if told else []),
         *_driven(item),
@@ -93,11 +103,6 @@ def _named(rows: Sequence[Row], columns: Sequence[Column]) -> list[str]:
         "|---" + "|--:" * len(columns) + "|",
         *(f"| {_cells(row, columns)} |" for row in rows),
     ]
-
-
-def _place(row: Row) -> float:
-    value = row.scores["return"].value
-    return value if value == value else float("-inf")
 
 
 def _line(place: str, row: Row, columns: Sequence[Column]) -> str:

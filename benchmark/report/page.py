@@ -9,7 +9,7 @@ from typing import Any
 from ...agents import policy_names, reference_policy
 from ...envs import env_ids
 from ..statistics import CONFIDENCE, FEWEST_PAIRS, RESAMPLES
-from . import grids, sections
+from . import grids, overall, sections
 from .markup import EMPTY, Markup, join, tag
 from .reader import Chapter, Study
 from .styles import Style, policy_styles
@@ -108,6 +108,7 @@ def _glance(study: Study, styles: Mapping[str, Style]) -> Markup:
             _class="about",
         ),
         grids.boxed([tag("tr", first, above), tag("tr", below, _class="sub")], lines, "Summary", "glance"),
+        overall.together(study),
         id="glance",
     )
 

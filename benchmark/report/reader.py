@@ -61,6 +61,7 @@ class Tier:
         bound_words: how it was found, None without.
         seeds: of the episodes; names of files where fields were played.
         values: of ``COMPARED`` by policy, score and field.
+        most: largest net rate that the bound leaves, by field; empty without bounds.
         curves: net rate against time, by policy.
         timelines: one episode a policy, all of the same seed.
     """
@@ -71,6 +72,7 @@ class Tier:
     bound_words: BoundWords | None
     seeds: tuple[int | str, ...]
     values: Mapping[str, Mapping[str, Seeded]]
+    most: Seeded
     curves: Mapping[str, Curve]
     timelines: Mapping[str, Timeline]
 
@@ -263,6 +265,11 @@ def _tier(group: Condition, members: Sequence[Record], rows: Sequence[Row], boun
         bound_words=_bound_words([record for record in bounds if "error" not in record and condition(record) == group]),
         seeds=tuple(sorted({field_of(record) for record in members})),
         values=values,
+        most={
+            drawn: limit.net_rate
+            for (where, drawn), limit in limits(bounds).items()
+            if where == group and limit.net_rate is not None
+        },
         curves={name: curve for name, curve in curves.items() if curve is not None},
         timelines=chosen_timelines(by_policy),
     )

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 
+from .. import ranking
 from ..rates import rates_of
 from ..suites import Condition
 from ..summary import Row
@@ -20,7 +21,12 @@ from .styles import Style
 FIGURES = {column.name: column for _, columns in TABLE for column in columns if column.kind == "mean"}
 """How a score is written in a sentence."""
 
-DOUBTS = {"": "", "few": " (too few pairs to tell)", "n.s.": " (not significant)"}
+DOUBTS = {
+    "": "",
+    "few": " (too few pairs to tell)",
+    "n.s.": " (not significant)",
+    "Holm": " (not significant among so many comparisons)",
+}
 
 
 def name_of(env_id: str) -> str:
@@ -61,6 +67,7 @@ def chapter(item: Chapter, styles: dict[str, Style], replays: Mapping[str, str])
         _verdict(tier),
         chips(tier, styles),
         table(tier, styles),
+        _meaning(tier),
         _field(tier, styles),
         _more(tier, styles),
         tag(
@@ -152,6 +159,11 @@ def _learned(row: Row) -> list[str]:
     return [tag("b", row.policy), f"{says}, least over {rule}: {interval}. "]
 
 
+def _meaning(tier: Tier) -> Markup:
+    """What the table's order means, and its comparisons."""
+    return tag("ul", [tag("li", line) for line in ranking.told(tier.rows)], _class="quiet after")
+
+
 def _field(tier: Tier, styles: dict[str, Style]) -> Markup:
     """What the scores come to in a grower's units."""
     columns = field_columns(tier.rows)
@@ -170,6 +182,9 @@ def _more(tier: Tier, styles: dict[str, Style]) -> Markup:
     """What the table has no room for."""
     titles = {
         "Difference to the policy in bold": "Paired differences to the paper's own order",
+        "Difference to the best rule": "Paired differences to the best rule",
+        "Difference to the best planner": "Paired differences to the best planner",
+        "Larger return on, % of the fields": "Probability of improvement: share of the fields with a larger return, %",
         "Interquartile mean": "Interquartile means",
         "Gap to the bound": "Gaps to the bound",
     }

@@ -26,6 +26,7 @@ PICKING = TaskSpec(
     },
     reference="fixed-order",
     best={"": "route", "pots": "grams-per-second", "row": "learned", "bag": "bag-horizon"},
+    planners=("nearest-2opt", "route", "bag-horizon"),
     bound="fieldgym.bounds.safflower:instance_of",
     ordering=("bag",),
     lineups={"": (*_RULES, "learned"), "bag": (*_RULES, "closing-first", "bag-horizon")},

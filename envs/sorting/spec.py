@@ -24,6 +24,7 @@ SORTING = TaskSpec(
     },
     reference="fifo",
     best={"": "receding-horizon-value", "load-1.25": "learned"},
+    planners=("receding-horizon", "receding-horizon-value"),
     bound="fieldgym.bounds.sorting:instance_of",
     learning="fieldgym.agents.learning:settings/ProduceSorting-v0.yaml",
     learners={"policy-iteration": "fieldgym.agents.learning.policy_iteration:iterate"},

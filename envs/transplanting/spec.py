@@ -23,6 +23,7 @@ TRANSPLANTING = TaskSpec(
     },
     reference="fixed-order",
     best={"": "assignment", "fill": "learned"},
+    planners=("assignment", "2-opt"),
     bound="fieldgym.bounds.transplanting:instance_of",
     learning="fieldgym.agents.learning:settings/TrayTransplanting-v0.yaml",
 )

@@ -28,6 +28,7 @@ LASER_WEEDING = TaskSpec(
     bound="fieldgym.bounds.weeding:instance_of",
     learning="fieldgym.agents.learning:settings/LaserWeeding-v0.yaml",
     best={"": "receding-horizon"},
+    planners=("receding-horizon",),
 )
 
 LASER_WEEDING_SPEED = TaskSpec(
@@ -51,6 +52,7 @@ LASER_WEEDING_SPEED = TaskSpec(
     bound="fieldgym.bounds.weeding:instance_of",
     learning="fieldgym.agents.learning:settings/LaserWeedingSpeed-v0.yaml",
     best={"": "hold-backlog", "demand-0.90": "hold-backlog-0.65", "demand-0.60": "hold-backlog-0.65"},
+    planners=("hold-backlog", "hold-backlog-0.65"),  # the others' shots are planned too, their speed is constant
 )
 
 HOE_WEEDING = TaskSpec(
@@ -66,4 +68,5 @@ HOE_WEEDING = TaskSpec(
     bound="fieldgym.bounds.weeding:instance_of",
     learning="fieldgym.agents.learning:settings/HoeWeeding-v0.yaml",
     best={"": "receding-horizon"},
+    planners=("receding-horizon",),
 )
