@@ -179,7 +179,7 @@ def versus(seeds: int = 40) -> list[Record]:
     rates = {"fifo": 0.5, "edf": 0.8, "receding-horizon": 0.7, "receding-horizon-value": 0.7, "learned": 0.9}
     cycles = {"fifo": 9.0, "edf": 9.5, "receding-horizon": 8.0, "receding-horizon-value": 8.0, "learned": 12.0}
     return [
-        {**record(name, seed, rates[name], cycles[name], BELT), "return": mean + 0.3 * ((seed * (i + 3)) % 5)}
+        {**record(name, seed, rates[name], cycles[name], BELT), "return": mean + 0.3 * (seed * (1, 2, 3, 4, 6)[i] % 5)}
         for i, (name, mean) in enumerate(means.items())
         for seed in range(seeds)
     ]
@@ -195,9 +195,10 @@ def test_policies_are_held_against_the_best_rule_and_the_best_planner():
     assert learned.over["planner"]["cycle_time_s"].value == pytest.approx(4.0)
     assert set(found["edf"].over) == {"planner"} and set(found["receding-horizon"].over) == {"rule"}
     assert set(found["fifo"].wins) == {"rule", "planner"} and set(found["edf"].wins) == {"reference", "planner"}
-    # Of ten seeds, edf's luck beats fifo's by a return of 1 in all but those where it is behind by more.
-    lucks = [(1.0 + 0.3 * (seed * 4 % 5)) - 0.3 * (seed * 3 % 5) for seed in range(5)]
-    assert found["edf"].wins["reference"].value == pytest.approx(sum(luck > 0.0 for luck in lucks) / 5)
+    # Its mean is larger by 1.0, its luck smaller by up to 0.9: edf is ahead everywhere, learned of the planner on some.
+    assert found["edf"].wins["reference"].value == 1.0
+    lucks = [3.5 + 0.3 * (seed * 6 % 5) - 4.0 - 0.3 * (seed * 3 % 5) for seed in range(5)]
+    assert learned.wins["planner"].value == pytest.approx(sum(luck > 0.0 for luck in lucks) / 5)
     guests = tables.summarise([*versus(), *[{**item, "policy": "a.py:B", "return": 9.0} for item in versus()[:40]]], ())
     assert guests[0].rivals == {"rule": "edf", "planner": "receding-horizon"}
 
@@ -239,7 +240,7 @@ def test_comparisons_of_a_condition_are_counted_once_and_held_together():
     weak = tables.Column("x", "return", 1.0, 1, "difference")
     row = replace(rows[1], differences={"return": Difference(1.0, 0.1, 2.0, 40, 0.03, 0.6)})
     assert weak.cell(row) == ("+1.0", "0.1 .. 2.0 Holm")
-    note = ranking.told([replace(item, differences=row.differences, over={}) for item in rows])[-1]
+    note = ranking.told([replace(item, differences=row.differences, over={}) for item in rows[1:]])[-1]
     assert note == (
         "Of 4 comparisons 4 leave out 0 in their intervals, 0 after Holm's correction for all; "
         "the others are marked Holm."
