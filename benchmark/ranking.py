@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from ..envs.task import task
 from ..kernels.config import Config
-from .statistics import ROUNDING
+from .statistics import ROUNDING, Difference
 from .suites import BOUND, Condition
 from .summary import RIVALS, Row, comparisons
 
@@ -72,8 +72,13 @@ def _rivals(rows: Sequence[Row]) -> list[str]:
 
 
 def _multiplicity(rows: Sequence[Row]) -> list[str]:
-    """How many of the comparisons leave out 0, one by one and all together."""
-    found = list(comparisons(rows).values())
+    """What the comparisons of one condition are worth."""
+    return multiplicity(comparisons(rows).values())
+
+
+def multiplicity(differences: Iterable[Difference]) -> list[str]:
+    """How many of a table's differences leave out 0, one by one and all together; nothing where there are none."""
+    found = list(differences)
     alone, together = (sum(getattr(item, name) for item in found) for name in ("significant", "stands"))
     if not found:
         return []

@@ -171,7 +171,8 @@ def _cameras(chapters: Sequence[Chapter]) -> list[str]:
         cells = [text for column in MOVED for text in _moved(column, move)]
         names = sections.name_of(item.task.id), escaped(move.policy), str(compared.pairs)
         lines.append("| " + " | ".join((*names, *cells)) + " |")
-    return [*lines, ""]
+    told = ranking.multiplicity(each for *_, move in seen for each in move.differences.values())
+    return [*lines, "", *told, ""]
 
 
 def _moved(column: Column, move: Move) -> tuple[str, str]:

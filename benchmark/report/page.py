@@ -8,6 +8,7 @@ from typing import Any
 
 from ...agents import policy_names, reference_policy
 from ...envs import env_ids
+from ..ranking import multiplicity
 from ..statistics import CONFIDENCE, FEWEST_PAIRS, RESAMPLES
 from . import grids, overall, sections
 from .markup import EMPTY, Markup, join, tag
@@ -143,6 +144,7 @@ def _cameras(study: Study) -> Markup:
             _class="about",
         ),
         grids.moves_table(lines, "task", "model", "camera"),
+        tag("p", multiplicity(each for *_, move in lines for each in move.differences.values()), _class="quiet after"),
         id="cameras",
     )
 
@@ -159,7 +161,13 @@ def _footer(study: Study, command: str) -> Markup:
         (
             "Differences",
             "Paired by seed. n.s.: the interval holds 0, so there may be no difference. few: under "
-            f"{FEWEST_PAIRS} pairs, too few to tell.",
+            f"{FEWEST_PAIRS} pairs, too few to tell. Holm: the interval leaves out 0, but as one of so many "
+            "comparisons of its table that may be chance (Holm 1979, 5 % together). Rule and "
+            "planner: the best by mean return.",
+        ),
+        (
+            "Front",
+            "No other policy has both as high a net rate and as short a cycle, one of them better, by the means.",
         ),
         (
             "Bound",

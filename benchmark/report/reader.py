@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from ...envs import task, tasks
 from ...envs.task import TaskSpec
 from ..limits import CURVE_SHARES, limits
 from ..record import Record, condition, field_of
-from ..statistics import Difference, mean, paired_difference
+from ..statistics import Difference, compared, mean, paired_difference
 from ..store import BOUNDS, EPISODES, MANIFEST, ResultsError, read, read_manifest
 from ..suites import BOUND, Case, Condition
 from ..summary import Row, summarise
@@ -192,7 +192,35 @@ def load(folder: Path) -> Study:
         own = [tier for group, tier in tiers.items() if _task(group.env_id) == spec]
         if own:
             chapters.append(_chapter(spec, own))
-    return Study(_manifest(folder), tuple(chapters))
+    return Study(_manifest(folder), tuple(_seen_together(chapters)))
+
+
+def _seen_together(chapters: Sequence[Chapter]) -> list[Chapter]:
+    """The chapters with what cameras change told together: it stands in one table."""
+    told = _together([() if item.seen is None else item.seen.moves for item in chapters])
+    return [
+        item if item.seen is None else replace(item, seen=replace(item.seen, moves=moves))
+        for item, moves in zip(chapters, told, strict=True)
+    ]
+
+
+def _together(tables: Sequence[Sequence[Move]]) -> list[tuple[Move, ...]]:
+    """Moves with their differences told together, those of all tables."""
+    found = compared(
+        {
+            (i, move.policy, name): item
+            for i, moves in enumerate(tables)
+            for move in moves
+            for name, item in move.differences.items()
+        }
+    )
+    return [
+        tuple(
+            replace(move, differences={name: found[i, move.policy, name] for name in move.differences})
+            for move in moves
+        )
+        for i, moves in enumerate(tables)
+    ]
 
 
 def _task(env_id: str) -> TaskSpec | None:
@@ -316,4 +344,4 @@ def _comparison(headline: Tier, pairs: Sequence[tuple[Tier, Tier]]) -> Compariso
                 means = {name: (mean(a).value, mean(b).value) for name, (a, b) in columns.items()}
                 differences = {name: paired_difference(b, a) for name, (a, b) in columns.items()}
                 found.append(Move(policy, means, differences))
-    return Comparison(first.condition, second.condition, tuple(found)) if found else None
+    return Comparison(first.condition, second.condition, _together([found])[0]) if found else None

@@ -241,7 +241,8 @@ def _seen(item: Chapter, styles: dict[str, Style]) -> Markup:
 
 def _moves(item: Comparison, styles: dict[str, Style], before: str, after: str) -> Markup:
     named = [([swatch(styles[move.policy]), move.policy], move.policy, move) for move in item.moves]
-    return moves_table(named, "policy", before, after)
+    told = ranking.multiplicity(each for move in item.moves for each in move.differences.values())
+    return join([moves_table(named, "policy", before, after), tag("p", told, _class="quiet after")])
 
 
 def _seconds(tier: Tier) -> Markup:
