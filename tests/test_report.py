@@ -259,11 +259,8 @@ def test_page_and_leaderboard_show_cameras_beside_their_model(study: reader.Stud
 
 def test_all_tasks_are_told_together(study: reader.Study, html: str):
     pots, belt = (item.headline for item in study.chapters)
-    assert overall.roles(pots) == {
-        "paper's order": "fixed-order",
-        "best rule": "fixed-order",
-        "learned": "learned",
-    }
+    played = {"paper's order": "fixed-order", "best rule": "fixed-order", "learned": "learned"}
+    assert overall.roles(pots) == played
     assert overall.roles(belt) == {"paper's order": "fifo", "best rule": "nearest", "best planner": "receding-horizon"}
     assert pots.most == {seed: 0.9 + 0.01 * (seed % 3) for seed in SEEDS} and not belt.most
     assert html.count("Performance profile over all tasks</b>") == html.count("Probability of improvement</b>") == 1

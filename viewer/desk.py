@@ -11,7 +11,7 @@ import numpy as np
 
 from ..agents.sources import policy_names, policy_source
 from ..envs.task import task
-from ..kernels.seeds import refuse_held_out
+from ..kernels.seeds import HeldOutError, refuse_held_out
 from . import panels
 from .choices import asked, choice_of, features, possible, shares
 from .controls import Control
@@ -278,7 +278,11 @@ class Desk:
             wanted = replace(play, settings={**play.settings, "scenario": value})
         else:
             wanted = replace(play, **{what: "" if value == NOBODY else value})
-        refuse_held_out([wanted.seed])
+        try:
+            refuse_held_out([wanted.seed])
+        except HeldOutError:
+            self._show_play()
+            raise
         if wanted != play and value != self._scenario_of(play):
             self._note.visible = False
             viewer.load(wanted)
