@@ -238,7 +238,7 @@ class Suite:
         for case in self.cases:
             where = replace(case.condition, changes=changes_of(numbers or {}))
             where = where if scenario is None else replace(where, scenario=scenario)
-            cases.setdefault(where, replace(case, condition=where))
+            cases.setdefault(where, replace(case, condition=where, policies=_lined_up(case, scenario)))
         return replace(self, cases=tuple(cases.values()))
 
     def on_fields(self, folder: str, files: Sequence[FieldFile]) -> Suite:
@@ -266,6 +266,14 @@ class Suite:
             foreign = tuple(source for source in sources if source.kind != REGISTERED or source.sha256)
             cases.append(replace(case, sources=foreign, task_code=task_code(env_id)))
         return replace(self, cases=tuple(cases))
+
+
+def _lined_up(case: Case, scenario: str | None) -> tuple[str, ...]:
+    """The policies of a case under another scenario: its own where some were chosen, else those that are for it."""
+    spec, known = task(case.condition.env_id), policy_names(case.condition.env_id)
+    if scenario is None or case.policies != spec.lineup(case.condition.scenario, known):
+        return case.policies
+    return spec.lineup(scenario, known)
 
 
 def _moved(case: Case, backend: str) -> Case:

@@ -305,6 +305,15 @@ def test_the_full_suite_plays_what_has_to_be_put_in_order_with_those_who_can():
     assert not {"closing-first", "bag-horizon"} & set(others[0].policies)
 
 
+def test_another_scenario_is_played_by_the_policies_that_are_for_it():
+    picker = suites.suite("full", ["fieldgym/SafflowerPicking-v0"])
+    by_backend = {case.condition.backend: case.policies for case in picker.under("bag").cases}
+    ordered = [case.policies for case in picker.cases if case.condition.scenario == "bag"]
+    assert by_backend["pybullet"] == ordered[0]
+    chosen = picker.narrowed(policies=["nearest", "learned"]).under("bag")
+    assert {case.policies for case in chosen.cases} == {("nearest", "learned")}
+
+
 def test_a_suite_is_narrowed_to_a_perception():
     narrowed = suites.suite("full").narrowed(perception="camera")
     assert {case.condition.perception for case in narrowed.cases} == {"camera"} and narrowed.cases

@@ -51,6 +51,7 @@ def render(study: Study, command: str) -> str:
         "the return is larger than that of the policy in bold, ties counted half.",
         "",
         *(line for item in study.chapters for line in _chapter(item)),
+        *_ordered(study.chapters),
         *_demands(study.chapters),
         *_cameras(study.chapters),
         "## Where it comes from",
@@ -128,6 +129,20 @@ def _driven(item: Chapter) -> list[str]:
         f"{100.0 * points:.2f} points and {seconds:.3f} s.",
         "",
     ]
+
+
+def _ordered(chapters: Sequence[Chapter]) -> list[str]:
+    """Tiers beside the headlines in which the order of work matters: policies by mean return, and the bound."""
+    lines: list[str] = []
+    for item in chapters:
+        for tier in (tier for tier in item.others if tier.condition.scenario in item.task.ordering):
+            rows = sorted(tier.rows, key=lambda row: -_place(row))
+            shown = [column for column in COLUMNS if any(column.cell(row)[0] != "-" for row in rows)]
+            where = f"{sections.name_of(item.task.id)}, {escaped(sections.words(tier.condition))}, "
+            where += f"{len(tier.seeds)} {tier.condition.instances}s:"
+            bound = [] if tier.bound is None else [_line("", tier.bound, shown)]
+            lines += [where, "", *_numbered(rows, shown), *bound, ""]
+    return ["## Where the order matters", "", *lines] if lines else []
 
 
 def _demands(chapters: Sequence[Chapter]) -> list[str]:
