@@ -13,10 +13,12 @@ import fieldgym  # noqa: F401
 from fieldgym import bounds
 from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
+from fieldgym.bounds import safflower
 from fieldgym.bounds.wilting import STEP_S, Closing, most
 from fieldgym.envs.field import FieldError
 from fieldgym.envs.safflower.bag_config import Bag, Wilting
-from fieldgym.envs.safflower.config import OPEN_STAGES, SCENARIOS
+from fieldgym.envs.safflower.config import OPEN_STAGES, SCENARIOS, PerceptionModel, SafflowerConfig
+from fieldgym.envs.safflower.core import SafflowerCore
 from fieldgym.envs.safflower.features import DC, DM, C, candidate_table
 from fieldgym.envs.safflower.field import Closings
 from fieldgym.envs.safflower.process import collected_share
@@ -249,3 +251,25 @@ def test_shares_of_picks_bring_at_least_what_trying_everything_finds(seed):
         each = (worth - second * jobs.takes_s).max(axis=1)
         paid = most([loose], 1.0, 500.0, 16.0, second)
         assert paid == pytest.approx(each[each > 0.0].sum() - second * 1.0, abs=2.0 * STEP_S * second + 1e-9)
+
+
+def toy(seed: int, time_limit_s: float) -> SafflowerCore:
+    """Two small pots with three reports in all, a bag that holds little more than a head, and heads that wilt soon."""
+    bag, wilting = Bag(capacity_g=0.4, empty_s=6.0, clog=0.3), Wilting(closes_s=(14.0, 60.0))
+    scenario = replace(SCENARIOS["pots"], plants=2, max_heads=2, bag=bag, wilting=wilting, time_limit_s=time_limit_s)
+    for number in range(100):
+        core = SafflowerCore(SafflowerConfig(scenario=scenario, slots=4), PerceptionModel.perfect(), 1)
+        core.reset_rows(np.array([0]), [np.random.default_rng(1000 * seed + number)])
+        if int(core.state.first[0, -1]) == 3:
+            return core
+    raise AssertionError("no toy has so many reports")
+
+
+@pytest.mark.parametrize(("seed", "time_limit_s"), [(2, 80.0), (1, 24.0)])
+def test_the_bound_is_no_lower_than_what_trying_everything_finds(seed, time_limit_s, best_by_trying):
+    core = toy(seed, time_limit_s)
+    bound = safflower.instance_of(core).bound()
+    most_return, rate, cycle_s = best_by_trying(core)
+    assert 0.0 < rate - 1e-9 <= bound.net_rate < 1.0
+    assert most_return - 1e-9 <= bound.episode_return < most_return + 0.5
+    assert bound.cycle_time_s <= cycle_s + 1e-9
