@@ -274,20 +274,6 @@ def test_all_tasks_are_told_together(study: reader.Study, html: str):
             assert f"<li>{escape(line, quote=False)}</li>" in html
 
 
-def test_the_leaderboard_shows_where_the_order_matters_by_return(tmp_path: Path, study: reader.Study):
-    bag = Condition("fieldgym/SafflowerPicking-v0", "bag", "analytic", "model")
-    records = [record(bag, policy, seed) for policy in ("fixed-order", "bag-horizon", "nearest") for seed in range(3)]
-    found = reader.load(write(tmp_path / "bag", [*records, *(record(POTS, "fixed-order", seed) for seed in range(3))]))
-    lines = leaderboard.render(found, "x").splitlines()
-    told = lines[lines.index("## Where the order matters") :]
-    assert told[2] == "Safflower picking, bag · analytic backend · model perception, 3 seeds:"
-    [first] = [line for line in told if line.startswith("| 1 |")]
-    means = {name: np.mean([each["return"] for each in records if each["policy"] == name]) for name in ("nearest",)}
-    best = max(("fixed-order", "bag-horizon", "nearest"), key=len)
-    assert best in first and [line for line in told if f"{means['nearest']:.3f}" in line and "nearest" in line]
-    assert "## Where the order matters" not in leaderboard.render(study, "x").splitlines()
-
-
 def test_stamp_says_where_it_comes_from(study: reader.Study, html: str):
     for text in (
         "9.8.7",

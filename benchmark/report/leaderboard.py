@@ -136,7 +136,7 @@ def _ordered(chapters: Sequence[Chapter]) -> list[str]:
     lines: list[str] = []
     for item in chapters:
         for tier in (tier for tier in item.others if tier.condition.scenario in item.task.ordering):
-            rows = sorted(tier.rows, key=lambda row: -_place(row))
+            rows = ranking.by_return(tier.rows)
             shown = [column for column in COLUMNS if any(column.cell(row)[0] != "-" for row in rows)]
             where = f"{sections.name_of(item.task.id)}, {escaped(sections.words(tier.condition))}, "
             where += f"{len(tier.seeds)} {tier.condition.instances}s:"
