@@ -13,7 +13,7 @@ PICKING = TaskSpec(
     machine="planar five-bar with shear and suction on a cart that stops",
     paper="Guo et al. 2022, Engenharia Agricola 42(1) e20210129",
     decision="which head next, how thoroughly, when to drive on",
-    actions="Discrete(3 K + 1): slot x (quick, normal, thorough), or drive on",
+    actions="Discrete(3 K + 1): slot x (quick, normal, thorough), or drive on; on bag one more, empty the bag",
     policies={
         "fixed-order": "fieldgym.agents.policies.safflower:FixedOrder.make",
         "nearest": "fieldgym.agents.policies.safflower:Nearest.make",
