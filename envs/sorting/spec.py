@@ -23,6 +23,7 @@ SORTING = TaskSpec(
         "learned": "fieldgym.agents.registry:make_learned",
     },
     reference="fifo",
+    ordering=("orders",),
     best={"": "receding-horizon-value", "load-1.25": "learned"},
     planners=("receding-horizon", "receding-horizon-value"),
     bound="fieldgym.bounds.sorting:instance_of",
