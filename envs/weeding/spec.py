@@ -28,6 +28,7 @@ LASER_WEEDING = TaskSpec(
     bound="fieldgym.bounds.weeding:instance_of",
     learning="fieldgym.agents.learning:settings/LaserWeeding-v0.yaml",
     best={"": "receding-horizon"},
+    ordering=("battery", "worth"),
     planners=("receding-horizon",),
 )
 
