@@ -81,7 +81,7 @@ def test_train_then_go_on_then_evaluate(tmp_path: Path):
     config = tmp_path / "small.yaml"
     config.write_text(
         "defaults: {num_envs: 8, n_steps: 16, batch_size: 64, n_epochs: 1, hidden: 8, critic_hidden: 8,"
-        " evaluation_episodes: 2}"
+        " evaluation_episodes: 2, teacher_decisions: 640, teacher_epochs: 1}"
     )
     out = tmp_path / "run"
     words = ["train", "SafflowerPicking", "--config", str(config), "--out", str(out), "--threads", "1"]
@@ -100,6 +100,8 @@ def test_train_then_go_on_then_evaluate(tmp_path: Path):
     bound = [instance(ENV, seed).bound().episode_return for seed in CHOOSING.take(2)]
     assert [float(told[i]) for i in (2, 3, 4)] == pytest.approx([*shown.values(), sum(bound) / 2], abs=6e-4)
     assert f"Others there: {told[1]}" in first.stdout
+    line = next(line for line in first.stdout.splitlines() if line.startswith("           0  return"))
+    assert re.fullmatch(rf" +0  return [-.\d]+ \({re.escape(told[1])}\)", line)
     again = CliRunner().invoke(cli.app, [*words, "--steps", "256"])
     assert again.exit_code != 0 and "--resume" in str(again.exception)
     more = CliRunner().invoke(cli.app, [*words, "--steps", "256", "--resume"])

@@ -74,7 +74,7 @@ def test_the_strawberry_task_is_learned(command, tmp_path):
         "defaults: {num_envs: 8, n_steps: 16, batch_size: 64, evaluation_episodes: 4}\n"
     )
     out, _ = command("train", STRAWBERRY, "--steps", "128", "--config", "small.yaml", "--out", "run")
-    assert "Held-out seeds" in out and (tmp_path / "run" / "best.npz").exists()
+    assert "chosen on, after 128 decisions" in out and (tmp_path / "run" / "best.npz").exists()
     out, _ = command("evaluate", STRAWBERRY, "--policy", "run/best.npz", "--episodes", "3")
     assert "nearest" in out
 
