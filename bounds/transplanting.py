@@ -260,18 +260,10 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
     state, config = state_of(core), core.config
     check_start(reports, state.place[row] != core.places.park or state.source_row[row] or state.target_row[row])
     (rows_s, n), (rows_t, m) = core.source_shape, core.target_shape
-    table, chances = core.times, core.terms.chances
+    table = core.times
     source, target = state.source_cells[row, :rows_s], state.target_cells[row, :rows_t]
-    luck = state.luck[row, :rows_s]
-    speed = np.full(source.shape, USELESS)
+    speed = fastest(core, row, source == HEALTHY)
     carry_s = np.ascontiguousarray(table.carry[..., W.s])
-    for index in np.argsort(-carry_s.sum(axis=1), kind="stable"):
-        good = (
-            (luck[..., L.extract] < config.process.extraction)
-            & (luck[..., L.lose] >= chances[index, H.lose])
-            & (luck[..., L.damage] >= chances[index, H.damage])
-        )
-        speed[good & (source == HEALTHY)] = index
     cell = np.where(target == HEALTHY, SHUT, np.where(target == POOR, BLOCKED, OPEN))
     # The same prices whatever the cameras report: so knowing the reports never makes a bound weaker.
     prices = shares(core.places, table, speed, cell)
@@ -299,6 +291,20 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
         config=config,
         drawn=reports != "any",
     )
+
+
+def fastest(core: TransplantingCore, row: int, grown: NDArray[np.bool_]) -> Numbers:
+    """Fastest speed at which the plugs of ``grown`` cells (source rows, n) arrive whole, else ``USELESS``."""
+    chances, luck = core.terms.chances, state_of(core).luck[row, : len(grown)]
+    speed = np.full(grown.shape, USELESS)
+    for index in np.argsort(-core.times.carry[..., W.s].sum(axis=1), kind="stable"):
+        good = (
+            (luck[..., L.extract] < core.config.process.extraction)
+            & (luck[..., L.lose] >= chances[index, H.lose])
+            & (luck[..., L.damage] >= chances[index, H.damage])
+        )
+        speed[good & grown] = index
+    return speed
 
 
 def shares(places: Places, times: Times, plug_speed: Numbers, cell: Numbers) -> Shares:

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from ...envs.transplanting.columns import MOVE_SCALE_S, NEXT_SOURCE, NEXT_TARGET, C, H, M, W, candidate_table
+from ...envs.transplanting.columns import MOVE_SCALE_S, C, H, W, candidate_table
 from ...envs.transplanting.config import SPEEDS, TransplantingConfig
 from ...envs.transplanting.process import speed_chances
 from ...envs.transplanting.timing import CLEARING, STRAIGHT, times
 from .base import Actions, ConfiguredPolicy, Observation
+from .dispatch import PLANT, Dispatch, EarliestDue, InLine, OneLine, Richest, wants_second
 from .routes import held_karp
 
 Array = NDArray[np.float64]
@@ -22,19 +23,20 @@ NORMAL = SPEEDS.index("normal")
 
 
 def wanted(observation: Observation) -> NDArray[np.bool_]:
-    """Pairs (B, K) that are possible and whose source cell is reported to hold a healthy seedling."""
-    return (observation["action_mask"][:, : NEXT_SOURCE : len(SPEEDS)] > 0) & (
-        candidate_table(observation)[..., C.source_poor] == 0.0
-    )
+    """Pairs (B, K) that are possible and whose source cell is reported to hold what the target cell is to hold."""
+    table = candidate_table(observation)
+    return (table[..., C.present] > 0.0) & (table[..., C.source_poor] == wants_second(observation)[:, None])
 
 
 class _Rule(ConfiguredPolicy):
     """A pair of the presented rows while there is one worth planting, else the conveyor that brings the next one."""
 
     chooses_speed = True
+    dispatch: type[Dispatch] = InLine
 
     def __init__(self, config: TransplantingConfig):
         """Take the machine's times and the plugs' chances from the configuration."""
+        self._dispatch = (self.dispatch if config.scenario.orders.on else OneLine)(config)
         scenario, process, weights = config.scenario, config.process, config.weights
         self._times = times(config)
         self._carry_s = np.ascontiguousarray(self._times.carry[..., W.s])
@@ -47,11 +49,10 @@ class _Rule(ConfiguredPolicy):
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
         pairs = wanted(observation)
-        there = pairs.any(axis=1)
+        move = self._dispatch.moves(observation, pairs)
+        there = move == PLANT
         chosen = np.where(there, self._choose(observation, pairs), 0)
-        mask = observation["action_mask"]
-        more = (observation["machine"][:, M.gaps] > 0.0) & (mask[:, NEXT_SOURCE] > 0)
-        index = mask.shape[1] + np.where(more, NEXT_SOURCE, NEXT_TARGET)
+        index = observation["action_mask"].shape[1] + move
         return np.where(there, chosen * len(SPEEDS) + self._speed(observation, chosen), index)
 
     def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -164,6 +165,18 @@ class Assignment(_Sequence):
         # What a pair takes after an average predecessor; which one it will be is decided by the order.
         sources, gaps = linear_sum_assignment(problem.next_s.mean(axis=0))
         return best_order(problem.first_s, problem.next_s, list(zip(sources.tolist(), gaps.tolist(), strict=True)))
+
+
+class EarliestDueFirst(Assignment):
+    """``assignment`` that serves the order whose lorry leaves first; source trays are used up one after the other."""
+
+    name, dispatch = "earliest-due", EarliestDue
+
+
+class RichestTray(Assignment):
+    """``earliest-due`` that brings the source tray whose waiting row is taken to have the most of what is wanted."""
+
+    name, dispatch = "richest-tray", Richest
 
 
 class TwoOpt(_Sequence):

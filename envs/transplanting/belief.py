@@ -6,8 +6,9 @@ import numpy as np
 
 from ..belief import DONE, LOST, OPEN, STILL, Belief
 from .columns import Candidate
-from .config import EMPTY, HEALTHY, SPEEDS
+from .config import EMPTY, SPEEDS
 from .core import TransplantingCore
+from .orders import wanted
 from .scene import TRAY_TOP_M
 
 _ABOVE_M = 0.06
@@ -18,7 +19,7 @@ def belief(core: TransplantingCore) -> Belief:
     """Pairs of presented cells that the machine takes for possible; what the cells really hold.
 
     A source cell is open while it holds a healthy seedling and lost with any other; a target cell is open while it
-    lacks one.
+    lacks one. Where trays are ordered, the grade that the presented one wants stands for healthy.
     """
     state, n, m = core.state, core.source_shape[1], core.target_shape[1]
     cells_m = np.column_stack([np.zeros(n + m), core.places.x_m[: n + m], np.full(n + m, TRAY_TOP_M + _ABOVE_M)])
@@ -29,7 +30,8 @@ def belief(core: TransplantingCore) -> Belief:
     supply = state.source_cells[0, state.source_row[0]]
     holds = state.target_cells[0, state.target_row[0]]
     there = np.concatenate([supply != EMPTY, np.ones(m, bool)])
-    stands = np.concatenate([np.where(supply == HEALTHY, OPEN, LOST), np.where(holds == HEALTHY, DONE, OPEN)])
+    good = wanted(state, 0)
+    stands = np.concatenate([np.where(supply == good, OPEN, LOST), np.where(holds == good, DONE, OPEN)])
     return Belief(
         slot_m=source,
         to_m=target,
@@ -38,7 +40,7 @@ def belief(core: TransplantingCore) -> Belief:
         size_m=0.012,
         drift_m_s=STILL,
         options=SPEEDS,
-        extras=("next source row", "next target row"),
+        extras=(*(("next source tray", "next order") if core.ordered else ()), "next source row", "next target row"),
         blocks=("",),
         candidate=Candidate,
     )

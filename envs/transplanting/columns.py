@@ -15,6 +15,8 @@ limit have no end of their own."""
 
 NEXT_SOURCE, NEXT_TARGET = -2, -1
 """The actions that move a conveyor on, counted from the end; before them stand the pairs, each at every speed."""
+TURN_SOURCES, TURN_TARGETS = -4, -3
+"""Where trays are ordered, the actions that bring the next tray of a carousel; they stand before those two."""
 
 
 class Ends(NamedTuple):

@@ -226,6 +226,38 @@ class PerceptionModel(Config):
         return cls(*matrices)
 
 
+MOST_SOURCES, MOST_ORDERS = 3, 6
+"""Source trays that a carousel has room for, and target trays that can be ordered at once."""
+
+
+@dataclass(frozen=True)
+class OrderBook(Config):
+    """Orders: each target tray wants one grade of seedlings by the time at which its lorry leaves.
+
+    Poor seedlings are the second grade here: small or pale, sold cheaper or grown on. Source trays stand on a carousel,
+    target trays on another; either brings its next tray under the arm, and a tray that comes back presents the row at
+    which it left.
+    """
+
+    every_s: float = num(0.0, 0.0, 1e5, "s")
+    """Between two lorries, each of which takes one tray; 0: nothing is ordered [assumed]."""
+    first_s: float = num(0.0, 0.0, 1e5, "s")
+    """How much later than ``every_s`` the first one leaves [assumed]."""
+    second: float = num(0.5, 0.0, 1.0, "")
+    """Share of the target trays that want the second grade [assumed]."""
+    supply: tuple[float, float, float] = num((0.0, 0.0, 0.0), 0.0, 1.0, "")
+    """Share of the second grade among the planted cells of each source tray; sowings come up unevenly [assumed]."""
+    source_turn_s: float = num(2.5, 0.0, 600.0, "s")
+    """The carousel brings the next source tray [assumed]."""
+    target_turn_s: float = num(2.5, 0.0, 600.0, "s")
+    """The other one moves on by one target tray [assumed]."""
+
+    @property
+    def on(self) -> bool:
+        """Whether anything is ordered."""
+        return self.every_s > 0.0
+
+
 @dataclass(frozen=True)
 class ScenarioConfig(Config):
     """One kind of work."""
@@ -251,6 +283,18 @@ class ScenarioConfig(Config):
     """When an episode is cut off [assumed]."""
     drives: DriveErrors = nested(DriveErrors)
     """Errors of the two arms."""
+    orders: OrderBook = nested(OrderBook)
+    """What is ordered, if anything is."""
+
+    def check(self) -> None:
+        """Orders have room on the carousels, and their trays come empty."""
+        if not self.orders.on:
+            return
+        if self.replug:
+            self.refuse("replug", "ordered trays come empty: give False, or orders.every_s = 0 s for none")
+        for name, most in (("source_trays", MOST_SOURCES), ("target_trays", MOST_ORDERS)):
+            if getattr(self, name) > most:
+                self.refuse(name, f"with orders give at most {most}, or orders.every_s = 0 s for none")
 
     @property
     def pairs(self) -> int:
@@ -285,6 +329,18 @@ SCENARIOS: dict[str, ScenarioConfig] = {
     "field": replace(_replug(0.20, 0.08, 0.6), drives=WORN),
 }
 """``field`` is ``replug-high`` with a machine that has worked for a season: cells are taught once, gears wear."""
+
+_SOWN = OrderBook(every_s=80.0, first_s=10.0, supply=(0.3, 0.7, 0.0), source_turn_s=2.5, target_turn_s=2.5)
+ORDERS: dict[str, ScenarioConfig] = {
+    "orders": ScenarioConfig(TRAYS[128], TRAYS[50], 2, 4, False, 0.10, 0.0, 0.0, time_limit_s=600.0, orders=_SOWN)
+}
+"""Four trays of the 50-cell kind, two of each grade in any order, from two trays of the 128-cell kind that came up
+unevenly: some 230 seedlings for 200 cells, of which a tenth is torn or hurt on the way, and 330 s for what takes 260 s
+without a detour. So a row that moves on with seedlings of the other grade is missed later, and to serve both grades
+from every row takes a turn a row. Nurseries grade seedlings while they transplant them, to sell trays that stand evenly
+[published: Jiangsu University's sorting and transplanting machine, Agronomy 12(11):2683, 2022; how they do it in
+protected crops: Agriculture 13(8):1488, 2023]; a turn is a tray's width and gap by the conveyors' law [derived: 0.32 m
+at 0.25 m/s], grades, lorries and shares are assumed."""
 
 
 PRESETS = {"typical-gripper": {"process.grip_s": 0.30, "process.release_s": 0.20}}

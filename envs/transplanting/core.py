@@ -14,6 +14,7 @@ from ..columns import names
 from ..core import Array, Rows, StepResult, observation_space, outside
 from ..drives import Servos
 from ..erring import ErringCore
+from ..field import FieldError
 from .columns import (
     MOVE_SCALE_S,
     PLACE_SCALE_M,
@@ -31,14 +32,18 @@ from .columns import (
     Totals,
     W,
 )
-from .config import DAMAGED, EMPTY, HEALTHY, SPEEDS, PerceptionModel, TransplantingConfig
+from .config import DAMAGED, EMPTY, HEALTHY, POOR, SPEEDS, PerceptionModel, TransplantingConfig
 from .errors import EMPTY_HANDED, JOINTS, falls_s, tool_error
 from .field import Cells, TrayBatch, TrayField, draw_batch, model_reports, shapes, stacked, unstacked, with_every_cell
+from .order_columns import OrderMachine
 from .process import speed_chances
 from .rules import (
     FINISH,
     INDEX_SOURCE,
     INDEX_TARGET,
+    SEND_TARGET,
+    TURN_SOURCES,
+    TURN_TARGETS,
     FixedFeatures,
     Terms,
     TransplantPlan,
@@ -86,9 +91,17 @@ class TransplantingCore(ErringCore[TransplantPlan, TransplantOutcome]):
         super().__init__(worlds)
         self.config, self.perception = config, perception
         scenario, b, k = config.scenario, worlds, config.scenario.pairs
+        self.ordered = scenario.orders.on
+        if self.ordered:
+            self.blocks = {**self.blocks, "machine": OrderMachine}
+            self.machine_features = names(OrderMachine)
+        actions = len(SPEEDS) * k + (4 if self.ordered else 2)
+        trays = (scenario.source_trays, scenario.target_trays) if self.ordered else (0, 0)
         self.source_shape, self.target_shape = (rows_s, n), (rows_t, m) = shapes(scenario)
-        self.action_space = spaces.Discrete(len(SPEEDS) * k + 2)
-        self.observation_space = observation_space(self, k, len(SPEEDS) * k + 2, SHOWN)
+        self.source_trays = scenario.source_trays, scenario.source.rows
+        self.target_trays = scenario.target_trays, scenario.target.rows
+        self.action_space = spaces.Discrete(actions)
+        self.observation_space = observation_space(self, k, actions, SHOWN)
         self.places = places(config.machine, scenario.source, scenario.target)
         self.times = times(config)
         self.terms = _terms(config, from_outside=perception is None)
@@ -106,6 +119,11 @@ class TransplantingCore(ErringCore[TransplantPlan, TransplantOutcome]):
             look_due=np.zeros((b, len(E)), bool),
             place=np.zeros(b, np.int64),
             totals=np.zeros((b, len(names(Totals)))),
+            source_at=np.zeros((b, trays[E.source]), np.int64),
+            target_at=np.zeros((b, trays[E.target]), np.int64),
+            seen=np.zeros((b, len(E), max(trays)), bool),
+            grade=np.full((b, trays[E.target]), HEALTHY, np.int8),
+            due_s=np.zeros((b, trays[E.target])),
         )
         # What a scene makes the seedlings' looks, and the holes of plugs that are gone, from; the rules never read it.
         self.source_began = np.zeros((b, rows_s, n), np.int8)
@@ -137,8 +155,16 @@ class TransplantingCore(ErringCore[TransplantPlan, TransplantOutcome]):
         if isinstance(field, TrayField):
             field.check()
             field = with_every_cell(field, self.source_shape, self.target_shape)
+            self._keep_to_orders(field)
         whole = super().complete(field, generator)
         return self.with_whole_luck(whole, whole.drives, generator)
+
+    def _keep_to_orders(self, field: TrayField) -> None:
+        """Raise FieldError where a field's orders are not those that the scenario has room for."""
+        trays, given = self.state.due_s.shape[1], 0 if field.orders is None else len(field.orders)
+        if given != trays:
+            asked = f"give a row of kind orders for each of the {trays} target trays" if trays else "leave them out"
+            raise FieldError(f"{given} orders in a scenario with {trays}: {asked}")
 
     def load(self, rows: Rows, batch: TrayBatch) -> None:
         """Put trays into ``rows`` and present the first row of each."""
@@ -158,6 +184,11 @@ class TransplantingCore(ErringCore[TransplantPlan, TransplantOutcome]):
             state.target_reports[rows, -1] = HEALTHY
         state.source_row[rows], state.target_row[rows] = 0, 0
         state.place[rows] = self.places.park
+        if self.ordered:
+            for at, (trays, length) in ((state.source_at, self.source_trays), (state.target_at, self.target_trays)):
+                at[rows] = length * np.arange(trays)
+            state.seen[rows] = np.arange(state.seen.shape[2]) == 0
+            state.grade[rows], state.due_s[rows] = batch.grade, batch.due_s
         self.episode[rows] += 1
         cells = self.target_shape[0] * self.target_shape[1]
         healthy = np.count_nonzero(batch.target == HEALTHY, axis=(1, 2))
@@ -234,6 +265,9 @@ class TransplantingCore(ErringCore[TransplantPlan, TransplantOutcome]):
             source_row=self.state.source_cells.shape[1],
             target_row=self.state.target_cells.shape[1],
             place=len(self.places.x_m),
+            source_at=self.state.source_cells.shape[1],
+            target_at=self.state.target_cells.shape[1],
+            grade=POOR + 1,
         ) or outside(self, source_began=DAMAGED + 1)
 
     def describe(self, plan: TransplantPlan, result: StepResult, row: int = 0) -> str:
@@ -246,6 +280,9 @@ class TransplantingCore(ErringCore[TransplantPlan, TransplantOutcome]):
             found = "" if plan.grips[row] else ": no plug gripped"
             return f"plug {source + 1} -> {target + 1}{cleared}, {SPEEDS[kind]}{found}: {elapsed:.2f} s"
         words = {
+            TURN_SOURCES: f"source tray {int(plan.pair[row]) + 1}/{self.source_trays[0]}",
+            TURN_TARGETS: f"order {int(plan.pair[row]) + 1}/{self.target_trays[0]}",
+            SEND_TARGET: f"tray leaves, order {int(plan.pair[row]) + 1}/{self.target_trays[0]}",
             INDEX_SOURCE: f"source row {int(self.state.source_row[row]) + 1}/{self.source_shape[0]}",
             INDEX_TARGET: f"target row {int(self.state.target_row[row]) + 1}/{self.target_shape[0]}",
             FINISH: "last target row leaves",
@@ -263,6 +300,7 @@ def _terms(config: TransplantingConfig, *, from_outside: bool) -> Terms:
         reach_m=process.reach_m,
         time_limit_s=scenario.time_limit_s,
         from_outside=from_outside,
+        supply=np.array(scenario.orders.supply[: scenario.source_trays] if scenario.orders.on else (), float),
     )
 
 

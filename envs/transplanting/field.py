@@ -21,12 +21,25 @@ from ..dice import draw_blocks
 from ..drives import DriveLuck
 from ..field import Field, FieldError, Origin, Table, Toy, Whole, label, number, whole
 from .columns import Lucks
-from .config import EMPTY, HEALTHY, POOR, REPORTS, PerceptionModel, ScenarioConfig, TransplantingConfig, Tray
+from .config import (
+    EMPTY,
+    HEALTHY,
+    POOR,
+    REPORTS,
+    OrderBook,
+    PerceptionModel,
+    ScenarioConfig,
+    TransplantingConfig,
+    Tray,
+)
 
 Cells = NDArray[np.int8]
 Shape = tuple[int, int]
 CellsT = TypeVar("CellsT", bound="TargetCells")
 _LUCKS = names(Lucks)
+GRADES = ("first", "second")
+_CONTENTS = np.array([HEALTHY, POOR], np.int8)
+"""What seedlings of the grades are, in a cell."""
 _MOST_ROWS, _MOST_COLUMNS = 10_000, 50
 """Of the trays of a configuration."""
 
@@ -51,6 +64,14 @@ class SourceCells(TargetCells):
 
 
 @dataclass(frozen=True, eq=False)
+class Orders(Table):
+    """The target trays as they are ordered, in the order of their places on the carousel."""
+
+    grade: Whole = label(GRADES, "what its cells are to hold: healthy seedlings are the first grade, poor the second")
+    due_s: Array = number("s", 0.0, 1e6, "when its lorry leaves; what is planted later does not count")
+
+
+@dataclass(frozen=True, eq=False)
 class TrayField(Field):
     """The trays of an episode, tray behind tray; a cell that is not given is empty.
 
@@ -58,6 +79,7 @@ class TrayField(Field):
         source: the supply.
         target: the trays to serve; None where all of them come empty.
         drives: luck of the machine's drives; None where none errs.
+        orders: what is ordered, a row a target tray; None where nothing is.
     """
 
     task: ClassVar[str] = "trays"
@@ -67,6 +89,7 @@ class TrayField(Field):
     source: SourceCells
     target: TargetCells | None = None
     drives: DriveLuck | None = None
+    orders: Orders | None = None
 
     @classmethod
     def of_cells(cls, source: Sequence[Sequence[int]], target: Sequence[Sequence[int]]) -> TrayField:
@@ -106,6 +129,10 @@ class TrayBatch(NamedTuple):
     """Likewise."""
     drives: Annotated[Array, shaped("joints")]
     """Luck of the machine's drives, see ``drives.DriveLuck``; empty where none errs."""
+    grade: Annotated[Cells, shaped("orders")]
+    """What each ordered tray's cells are to hold; empty without orders."""
+    due_s: Annotated[Array, shaped("orders")]
+    """When its lorry leaves."""
 
 
 def shapes(scenario: ScenarioConfig) -> tuple[Shape, Shape]:
@@ -125,26 +152,39 @@ def draw_batch(scenario: ScenarioConfig, generators: Sequence[np.random.Generato
     blocks = [2 * trays * (tray.cells + (tray.rows + 2) * (tray.columns + 2)) for tray, trays in sides]
     lots = [trays * tray.cells for tray, trays in sides]
     worlds = len(generators)
-    uniform, normal = draw_blocks(generators, (sum(lots) + len(_LUCKS) * lots[0], sum(blocks)))
+    most = sum(lots) + len(_LUCKS) * lots[0]
+    orders = scenario.target_trays if scenario.orders.on else 0
+    uniform, normal = draw_blocks(generators, (most + 2 * orders, sum(blocks)))
     (source, target), cells = shapes(scenario), np.cumsum(lots)
-    source_cells = _sow(scenario, *sides[0], normal[:, : blocks[0]])
+    poor = np.array(scenario.orders.supply)[: scenario.source_trays, None, None] if orders else scenario.poor
+    source_cells = _sow(scenario, poor, *sides[0], normal[:, : blocks[0]])
     target_cells = np.full((worlds, *target), EMPTY, np.int8)
     if scenario.replug:
-        target_cells = _sow(scenario, *sides[1], normal[:, blocks[0] :])
+        target_cells = _sow(scenario, scenario.poor, *sides[1], normal[:, blocks[0] :])
     return TrayBatch(
         source_cells,
         target_cells,
-        uniform[:, cells[1] :].reshape(worlds, *source, len(_LUCKS)),
+        uniform[:, cells[1] : most].reshape(worlds, *source, len(_LUCKS)),
         uniform[:, : cells[0]].reshape(worlds, *source),
         uniform[:, cells[0] : cells[1]].reshape(worlds, *target),
         np.zeros((worlds, 0)),
+        *_order(scenario.orders, *np.split(uniform[:, most:], 2, axis=1)),
     )
+
+
+def _order(book: OrderBook, by_grade: Array, by_due: Array) -> tuple[Cells, Array]:
+    """Grades and times (R, trays) of ordered trays from uniform numbers: as many of each, in any order."""
+    trays = by_grade.shape[1]
+    first = np.argsort(np.argsort(by_grade, axis=1), axis=1) < trays - round(book.second * trays)
+    place: Array = np.argsort(np.argsort(by_due, axis=1), axis=1) + 1.0
+    return np.where(first, *_CONTENTS).astype(np.int8), book.first_s + book.every_s * place
 
 
 def stacked(fields: Sequence[TrayField], source: Shape, target: Shape) -> TrayBatch:
     """The batch of fields that have every cell of their trays, which are of these shapes."""
     sizes = dict(zip(("source_rows", "source_columns", "target_rows", "target_columns"), source + target, strict=True))
-    batch = allocated(TrayBatch, len(fields), joints=0, **sizes)
+    ordered = [0 if field.orders is None else len(field.orders) for field in fields]
+    batch = allocated(TrayBatch, len(fields), joints=0, orders=max(ordered, default=0), **sizes)
     for world, field in enumerate(fields):
         assert field.target is not None
         here, there = (field.source.row, field.source.column), (field.target.row, field.target.column)
@@ -152,16 +192,20 @@ def stacked(fields: Sequence[TrayField], source: Shape, target: Shape) -> TrayBa
         batch.source_lot[world][here], batch.target_lot[world][there] = field.source.lot, field.target.lot
         for luck, name in enumerate(_LUCKS):
             batch.luck[world][(*here, luck)] = getattr(field.source, name)
+        if field.orders is not None:
+            batch.grade[world], batch.due_s[world] = _CONTENTS[field.orders.grade], field.orders.due_s
     return batch
 
 
 def unstacked(batch: TrayBatch) -> list[TrayField]:
     """The fields of a batch, their cells row by row."""
     fields = []
-    for source, target, luck, source_lot, target_lot in zip(*batch[:-1], strict=True):
+    for source, target, luck, source_lot, target_lot, _, grade, due_s in zip(*batch, strict=True):
         lucks = dict(zip(_LUCKS, luck.reshape(-1, len(_LUCKS)).T, strict=True))
         plugs = SourceCells(*_places(source.shape), source.ravel(), source_lot.ravel(), **lucks)
-        fields.append(TrayField(plugs, TargetCells(*_places(target.shape), target.ravel(), target_lot.ravel())))
+        cells = TargetCells(*_places(target.shape), target.ravel(), target_lot.ravel())
+        orders = Orders(grade != HEALTHY, due_s) if len(due_s) else None
+        fields.append(TrayField(plugs, cells, orders=orders))
     return fields
 
 
@@ -173,7 +217,7 @@ def with_every_cell(field: TrayField, source: Shape, target: Shape) -> TrayField
     """
     served = TargetCells.empty() if field.target is None else field.target
     cells = _every_cell("source", field.source, source), _every_cell("target", served, target)
-    return TrayField(*cells, field.drives)
+    return TrayField(*cells, field.drives, field.orders)
 
 
 def reports(confusion: Sequence[Sequence[float]], cells: Cells, lot: Array) -> Cells:
@@ -224,8 +268,8 @@ def _places(shape: tuple[int, ...]) -> tuple[Whole, Whole]:
     return row, column
 
 
-def _sow(scenario: ScenarioConfig, tray: Tray, trays: int, normal: Array) -> Cells:
-    """Cells (R, trays * rows, columns): vacancies first, then poor ones among the planted."""
+def _sow(scenario: ScenarioConfig, poor_share: Any, tray: Tray, trays: int, normal: Array) -> Cells:
+    """Cells (R, trays * rows, columns): vacancies first, then poor ones among the planted, a share or one a tray."""
     worlds, count = len(normal), trays * tray.cells
     lonely = normal[:, : 2 * count].reshape(worlds, 2, trays, tray.rows, tray.columns)
     wide = normal[:, 2 * count :].reshape(worlds, 2, trays, tray.rows + 2, tray.columns + 2)
@@ -234,7 +278,7 @@ def _sow(scenario: ScenarioConfig, tray: Tray, trays: int, normal: Array) -> Cel
     shared = (columns[..., :-2, :] + columns[..., 1:-1, :] + columns[..., 2:, :]) / 3.0
     mixed = np.sqrt(1.0 - scenario.clumped) * lonely + np.sqrt(scenario.clumped) * shared
     empty = mixed[:, 0] < ndtri(scenario.vacancy)
-    poor = mixed[:, 1] < ndtri(scenario.poor)
+    poor = mixed[:, 1] < ndtri(poor_share)
     cells = np.where(empty, EMPTY, np.where(poor, POOR, HEALTHY)).astype(np.int8)
     return cells.reshape(worlds, trays * tray.rows, tray.columns)
 

@@ -25,10 +25,13 @@ from .columns import (
 )
 from .config import DAMAGED, EMPTY, HEALTHY, POOR, SPEEDS
 from .field import Cells
+from .orders import all_gone, is_open, order, ordered, source_left, source_tray, steps_on, target_rows, turn, wanted
 from .timing import CLEARING, STRAIGHT, Times, above, handling_s
 
 INDEX_SOURCE, INDEX_TARGET, NOTHING, FINISH = range(len(SPEEDS), len(SPEEDS) + 4)
 """Kinds of decision after the three speeds: move a conveyor on, an illegal action, send the last row away."""
+TURN_SOURCES, TURN_TARGETS, SEND_TARGET = range(FINISH + 1, FINISH + 4)
+"""Likewise where trays are ordered: bring the next tray of a carousel, send an ordered tray away for the next one."""
 
 _SPEEDS, _PHASES, _REWARDS = len(SPEEDS), len(names(Phases)), len(names(Rewards))
 _FEATURES, _SCORES = len(names(Candidate)), len(names(Scores))
@@ -44,6 +47,7 @@ class Terms(NamedTuple):
         reach_m: a gripper farther than this from a cell's middle misses it.
         time_limit_s: when the episode is cut off.
         from_outside: whether reports come from cameras, after each move of a conveyor.
+        supply: (source trays,), share of the second grade in each sowing; none without orders.
     """
 
     chances: Array
@@ -52,6 +56,7 @@ class Terms(NamedTuple):
     reach_m: float
     time_limit_s: float
     from_outside: bool
+    supply: Array
 
 
 class FixedFeatures(NamedTuple):
@@ -80,6 +85,11 @@ class Worlds(NamedTuple):
         look_due: (B, 2), whether a camera has to report, see ``Ends``.
         place: (B,), where the tool stands, see ``Places``.
         totals: (B, .), see ``Totals``.
+        source_at: (B, source trays), row that each tray of the carousel presents; no trays without orders.
+        target_at: (B, target trays), likewise; a tray that has gone stands at the row behind its last.
+        seen: (B, 2, trays), whether a tray was presented, see ``Ends``; no trays without orders.
+        grade: (B, target trays), what its cells are to hold, ``HEALTHY`` or ``POOR``; no trays without orders.
+        due_s: (B, target trays), when its lorry leaves, likewise.
     """
 
     source_cells: Cells
@@ -92,14 +102,21 @@ class Worlds(NamedTuple):
     look_due: NDArray[np.bool_]
     place: NDArray[np.int64]
     totals: Array
+    source_at: NDArray[np.int64]
+    target_at: NDArray[np.int64]
+    seen: NDArray[np.bool_]
+    grade: Cells
+    due_s: Array
 
 
 class TransplantPlan(NamedTuple):
     """What the transplanter has to do in each world.
 
     Attributes:
-        kind: (B,), speed index, ``INDEX_SOURCE``, ``INDEX_TARGET``, ``NOTHING`` or ``FINISH``.
-        pair: (B,), source column times the target row's columns plus target column; 0 when none.
+        kind: (B,), speed index, ``INDEX_SOURCE``, ``INDEX_TARGET``, ``NOTHING`` or ``FINISH``; with orders
+            ``TURN_SOURCES``, ``TURN_TARGETS`` or ``SEND_TARGET`` too.
+        pair: (B,), source column times the target row's columns plus target column; 0 when none; with orders the tray
+            that is presented after the decision, where a conveyor or a carousel moves.
         held: (B, 2), what the pair's cells hold before the decision, see ``Ends``; ``EMPTY`` when there is no pair.
         clears: (B,), whether the target cell's seedling goes to the chute first.
         grips: (B,), whether the gripper's sensor will find a plug between the needles; without one the tool stays at
@@ -143,6 +160,11 @@ def plan_worlds(times: Times, extraction: float, worlds: Worlds, actions: NDArra
             phases_s[w, P.travel], travel_m[w] = times.rise[start[w], W.s], times.rise[start[w], W.m]
             if what == INDEX_SOURCE:
                 phases_s[w, P.index] = times.row_s[E.source, worlds.source_row[w]]
+            elif what == TURN_SOURCES:
+                phases_s[w, P.index] = times.turn_s[E.source]
+            elif what == TURN_TARGETS or what == SEND_TARGET or (what == FINISH and ordered(worlds)):
+                # The last tray is taken away as far as it would be for the next one.
+                phases_s[w, P.index] = max(steps_on(worlds, w), 1) * times.turn_s[E.target]
             else:
                 phases_s[w, P.index] = times.row_s[E.target, worlds.target_row[w]]
             end[w] = above(times, start[w])
@@ -156,11 +178,30 @@ def kind_of(worlds: Worlds, w: int, action: int) -> tuple[int, int]:
     pair, what = action // _SPEEDS, action % _SPEEDS
     if pair < worlds.source_reports.shape[2] * columns:
         ready = worlds.source_reports[w, worlds.source_row[w], pair // columns] != EMPTY
-        gap = worlds.target_reports[w, worlds.target_row[w], pair % columns] != HEALTHY
+        want = wanted(worlds, w)
+        gap = want >= 0 and worlds.target_reports[w, worlds.target_row[w], pair % columns] != want
         return (what if ready and gap else NOTHING), pair
+    if ordered(worlds):
+        return carousel_kind(worlds, w, action - _SPEEDS * worlds.source_reports.shape[2] * columns)
     if what == 0:
         return (INDEX_SOURCE if worlds.source_row[w] + 2 < worlds.source_reports.shape[1] else NOTHING), 0
     return (INDEX_TARGET if worlds.target_row[w] + 2 < worlds.target_reports.shape[1] else FINISH), 0
+
+
+@compiled
+def carousel_kind(worlds: Worlds, w: int, move: int) -> tuple[int, int]:
+    """Kind of decision behind the ``move``-th action after the pairs, with orders, and the tray that it brings."""
+    source, trays, tray = source_tray(worlds, w), worlds.source_at.shape[1], order(worlds, w)
+    step = steps_on(worlds, w)
+    if move == 0:
+        return (TURN_SOURCES if trays > 1 else NOTHING), (source + 1) % trays
+    if move == 1:
+        return (TURN_TARGETS if step > 0 else NOTHING), (tray + step) % worlds.due_s.shape[1]
+    if move == 2:
+        return (INDEX_SOURCE if source_left(worlds, w) > 0 else NOTHING), source
+    if is_open(worlds, w, tray) and worlds.target_row[w] + 1 < (tray + 1) * target_rows(worlds):
+        return INDEX_TARGET, tray
+    return (SEND_TARGET if step > 0 else FINISH), (tray + step) % worlds.due_s.shape[1]
 
 
 @compiled
@@ -180,7 +221,7 @@ def plan_pair(
     source, target, row = pair // m, pair % m, worlds.source_row[w]
     held[w, E.source] = worlds.source_cells[w, row, source]
     held[w, E.target] = worlds.target_cells[w, worlds.target_row[w], target]
-    clears = worlds.target_reports[w, worlds.target_row[w], target] == POOR
+    clears = worlds.target_reports[w, worlds.target_row[w], target] != EMPTY
     grips = held[w, E.source] != EMPTY and worlds.luck[w, row, source, L.extract] < extraction
     way, here = CLEARING if clears else STRAIGHT, worlds.place[w]
     phases_s[w, P.travel], travel_m[w] = times.approach[way, here, pair, W.s], times.approach[way, here, pair, W.m]
@@ -213,6 +254,10 @@ def apply_worlds(terms: Terms, worlds: Worlds, plan: TransplantPlan, phases_s: A
             spoiled = index_source(worlds, w)
         elif kind == NOTHING:
             totals[T.illegal] += 1.0
+        elif ordered(worlds):
+            look = move_trays(worlds, w, kind, plan.pair[w])
+            if terms.from_outside:
+                worlds.look_due[w, E.source if kind == TURN_SOURCES else E.target] |= look
         else:
             # A batch steps worlds that are over along with the others: they stay at the row behind the last.
             worlds.target_row[w] = min(worlds.target_row[w] + 1, worlds.target_cells.shape[1] - 1)
@@ -223,7 +268,7 @@ def apply_worlds(terms: Terms, worlds: Worlds, plan: TransplantPlan, phases_s: A
         rewards[w, R.spoiled] = spoiled * terms.weights[R.spoiled]
         rewards[w, R.time] = elapsed * terms.weights[R.time]
         worlds.place[w] = plan.end[w]
-        terminated[w] = kind == FINISH
+        terminated[w] = all_gone(worlds, w) if ordered(worlds) else kind == FINISH
         truncated[w] = totals[T.time] >= terms.time_limit_s and not terminated[w]
     return StepResult(rewards, phases_s, terminated, truncated)
 
@@ -231,7 +276,11 @@ def apply_worlds(terms: Terms, worlds: Worlds, plan: TransplantPlan, phases_s: A
 @compiled
 def transplant(terms: Terms, worlds: Worlds, plan: TransplantPlan, w: int, within: bool) -> tuple[float, float]:
     """Empty a source cell and set its plug; gives healthy target cells gained and healthy seedlings spoiled."""
-    totals, m = worlds.totals[w], worlds.target_cells.shape[2]
+    totals, m, want, late = worlds.totals[w], worlds.target_cells.shape[2], HEALTHY, False
+    if ordered(worlds):
+        # What is set when the lorry has left stays here.
+        tray = order(worlds, w)
+        want, late = worlds.grade[w, tray], totals[T.time] > worlds.due_s[w, tray]
     speed, column, gap = plan.kind[w], plan.pair[w] // m, plan.pair[w] % m
     row, target_row = worlds.source_row[w], worlds.target_row[w]
     plug, before = plan.held[w, E.source], plan.held[w, E.target]
@@ -245,7 +294,7 @@ def transplant(terms: Terms, worlds: Worlds, plan: TransplantPlan, w: int, withi
         worlds.target_reports[w, target_row, gap] = EMPTY
         if before != EMPTY:
             totals[T.cleared] += 1.0
-    now, good = left, False
+    now, good, counts = left, False, left == want
     if not plan.grips[w]:
         if plug != EMPTY:
             totals[T.torn] += 1.0
@@ -259,15 +308,15 @@ def transplant(terms: Terms, worlds: Worlds, plan: TransplantPlan, w: int, withi
         # A plug that is pushed into another one spoils both.
         if left != EMPTY or worlds.luck[w, row, column, L.damage] < terms.chances[speed, H.damage]:
             now = DAMAGED
-            totals[T.damaged] += 2.0 if left == HEALTHY else 1.0
-        good = now == HEALTHY
+            totals[T.damaged] += 2.0 if left == want else 1.0
+        good = counts = now == want and not late
     worlds.target_cells[w, target_row, gap] = now
-    gain = (1.0 if now == HEALTHY else 0.0) - (1.0 if before == HEALTHY else 0.0)
+    gain = (1.0 if counts else 0.0) - (1.0 if before == want else 0.0)
     totals[T.healthy] += gain
     if good:
         totals[T.done] += 1.0
         totals[T.last] = totals[T.time]
-    return gain, (1.0 if plug == HEALTHY and not good else 0.0)
+    return gain, (1.0 if sold(worlds, plug) and not good else 0.0)
 
 
 @compiled
@@ -275,8 +324,32 @@ def index_source(worlds: Worlds, w: int) -> float:
     """Present the next source row; gives the healthy seedlings that leave with the old one."""
     wasted = 0.0
     for column in range(worlds.source_cells.shape[2]):
-        if worlds.source_cells[w, worlds.source_row[w], column] == HEALTHY:
+        if sold(worlds, worlds.source_cells[w, worlds.source_row[w], column]):
             wasted += 1.0
     worlds.totals[w, T.wasted] += wasted
     worlds.source_row[w] += 1
+    if ordered(worlds):
+        worlds.source_at[w, source_tray(worlds, w)] = worlds.source_row[w]
     return wasted
+
+
+@compiled
+def sold(worlds: Worlds, content: int) -> bool:
+    """Whether a seedling is worth something: a healthy one, where both grades are ordered a poor one too."""
+    return content == HEALTHY or (content == POOR and ordered(worlds))
+
+
+@compiled
+def move_trays(worlds: Worlds, w: int, kind: int, tray: int) -> bool:
+    """Present the next row of an ordered tray, or another tray of either carousel; says whether it is a new one."""
+    if kind == TURN_SOURCES:
+        return turn(worlds, w, E.source, tray)
+    here = order(worlds, w)
+    if kind == INDEX_TARGET:
+        worlds.target_at[w, tray] += 1
+    elif kind != TURN_TARGETS:
+        worlds.target_at[w, here] = (here + 1) * target_rows(worlds)
+    if kind == FINISH:
+        worlds.target_row[w] = worlds.target_cells.shape[1] - 1
+        return False
+    return turn(worlds, w, E.target, tray)

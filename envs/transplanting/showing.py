@@ -11,8 +11,25 @@ from ...kernels import compiled, fill
 from ..columns import names
 from ..core import Array
 from ..kernel_core import book
-from .columns import MOVE_SCALE_S, NEXT_SOURCE, NEXT_TARGET, SHOWN, C, Candidate, E, M, Phases, S, Scores, T, W
-from .config import EMPTY, HEALTHY, POOR, SPEEDS
+from .columns import (
+    MOVE_SCALE_S,
+    NEXT_SOURCE,
+    NEXT_TARGET,
+    SHOWN,
+    TURN_SOURCES,
+    TURN_TARGETS,
+    C,
+    Candidate,
+    E,
+    M,
+    Phases,
+    S,
+    Scores,
+    T,
+    W,
+)
+from .config import EMPTY, POOR, SPEEDS
+from .orders import ordered, show_orders, source_left, steps_on, wanted
 from .rules import FixedFeatures, Worlds, apply_worlds, plan_worlds
 from .timing import CLEARING, STRAIGHT, Times
 
@@ -25,6 +42,7 @@ def observe_worlds(
     times: Times,
     fixed: FixedFeatures,
     time_limit_s: float,
+    supply: Array,
     worlds: Worlds,
     rows: NDArray[np.int64],
     machine: NDArray[np.float32],
@@ -38,7 +56,7 @@ def observe_worlds(
         fill(candidates[w], 0.0)
         fill(mask[w], 0)
         place, row, target_row = worlds.place[w], worlds.source_row[w], worlds.target_row[w]
-        usable = 0
+        usable, want = 0, wanted(worlds, w)
         for source in range(n):
             ready = worlds.source_reports[w, row, source]
             if ready == EMPTY:
@@ -46,9 +64,9 @@ def observe_worlds(
             usable += 1
             for target in range(m):
                 known = worlds.target_reports[w, target_row, target]
-                if known == HEALTHY:
+                if known == want or want < 0:
                     continue
-                pair, clear = source * m + target, known == POOR
+                pair, clear = source * m + target, known != EMPTY
                 first = pair * _FEATURES
                 for column in range(_FEATURES):
                     candidates[w, first + column] = fixed.pair[pair, column]
@@ -60,7 +78,7 @@ def observe_worlds(
                     mask[w, _SPEEDS * pair + speed] = 1
         gaps = 0
         for target in range(m):
-            if worlds.target_reports[w, target_row, target] != HEALTHY:
+            if want >= 0 and worlds.target_reports[w, target_row, target] != want:
                 gaps += 1
         machine[w, M.place], machine[w, M.down] = (
             fixed.place[place, M.place],
@@ -73,6 +91,11 @@ def observe_worlds(
         machine[w, M.gaps] = gaps / m
         mask[w, NEXT_SOURCE] = row + 1 < source_rows
         mask[w, NEXT_TARGET] = 1
+        if ordered(worlds):
+            mask[w, NEXT_SOURCE] = source_left(worlds, w) > 0
+            mask[w, TURN_SOURCES] = worlds.source_at.shape[1] > 1
+            mask[w, TURN_TARGETS] = steps_on(worlds, w) > 0
+            show_orders(supply, worlds, w, machine[w])
 
 
 @compiled
@@ -115,7 +138,7 @@ def show_worlds(
 ) -> None:
     """What ``rows`` show; see ``KernelCore``."""
     (times, terms, fixed), worlds = desk.rules, desk.worlds
-    observe_worlds(times, fixed, terms.time_limit_s, worlds, rows, machine, candidates, mask)
+    observe_worlds(times, fixed, terms.time_limit_s, terms.supply, worlds, rows, machine, candidates, mask)
     score_worlds(worlds.totals, rows, numbers)
 
 

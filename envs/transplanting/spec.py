@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from ..task import TaskSpec
 
+_IN_LINE = ("fixed-order", "fixed-order-speed", "nearest", "shortest-cycle", "assignment", "2-opt", "learned")
+_ORDERED = ("fixed-order", "nearest", "assignment", "earliest-due", "richest-tray", "receding-horizon")
+
 TRANSPLANTING = TaskSpec(
     id="fieldgym/TrayTransplanting-v0",
     entry_point="fieldgym.envs.transplanting.env:TrayTransplantingEnv",
@@ -19,11 +22,16 @@ TRANSPLANTING = TaskSpec(
         "shortest-cycle": "fieldgym.agents.policies.transplanting:ShortestCycle.make",
         "assignment": "fieldgym.agents.policies.transplanting:Assignment.make",
         "2-opt": "fieldgym.agents.policies.transplanting:TwoOpt.make",
+        "earliest-due": "fieldgym.agents.policies.transplanting:EarliestDueFirst.make",
+        "richest-tray": "fieldgym.agents.policies.transplanting:RichestTray.make",
+        "receding-horizon": "fieldgym.agents.policies.tray_horizon:RecedingHorizon.make",
         "learned": "fieldgym.agents.registry:make_learned",
     },
     reference="fixed-order",
-    best={"": "assignment", "fill": "learned"},
-    planners=("assignment", "2-opt"),
-    bound="fieldgym.bounds.transplanting:instance_of",
+    best={"": "assignment", "fill": "learned", "orders": "receding-horizon"},
+    planners=("assignment", "2-opt", "receding-horizon"),
+    ordering=("orders",),
+    lineups={"": _IN_LINE, "orders": _ORDERED},
+    bound="fieldgym.bounds.orders:instance_of",
     learning="fieldgym.agents.learning:settings/TrayTransplanting-v0.yaml",
 )

@@ -67,6 +67,7 @@ class Times(NamedTuple):
         release_s: seconds to release.
         handle_s: seconds to grip and to release.
         illegal_s: seconds that an illegal action costs.
+        turn_s: (2,), seconds until either carousel (see ``Ends``) has moved on by a tray, where trays are ordered.
     """
 
     approach: Array
@@ -77,6 +78,7 @@ class Times(NamedTuple):
     release_s: float
     handle_s: float
     illegal_s: float
+    turn_s: Array
 
 
 @compiled
@@ -108,7 +110,7 @@ def places(machine: MachineConfig, source: Tray, target: Tray) -> Places:
 
 def times(config: TransplantingConfig) -> Times:
     """The tables of a configuration; arrays are shared, not to be written into."""
-    process = config.process
+    process, orders = config.process, config.scenario.orders
     return Times(
         *_ways(config.machine, config.scenario.source, config.scenario.target),
         _rows_s(config.machine, config.scenario),
@@ -116,6 +118,7 @@ def times(config: TransplantingConfig) -> Times:
         process.release_s,
         process.grip_s + process.release_s,
         process.illegal_s,
+        np.array([orders.source_turn_s, orders.target_turn_s]),
     )
 
 

@@ -14,7 +14,7 @@ from ..pixels import on_picture
 from .config import EMPTY
 from .core import TransplantingCore
 from .machine import Move, Trajectories, moves
-from .rules import FINISH, INDEX_SOURCE, INDEX_TARGET, NOTHING, TransplantPlan
+from .rules import FINISH, INDEX_SOURCE, INDEX_TARGET, TransplantPlan
 from .scene import CAMERA_ABOVE_M, SIDES, Side, TrayLine, TrayScene
 
 _NEEDLES_S = 0.06
@@ -111,6 +111,10 @@ class TransplantView(View[TransplantPlan]):
         phases = dict(zip(self._core.phase_names, result.phases_s[0].tolist(), strict=True))
         if kind in (INDEX_SOURCE, INDEX_TARGET, FINISH):
             yield from self._index(kind, phases["index"], clock, here)
+        elif kind > FINISH:
+            # A carousel turns under a hood: the old row, then the new one.
+            for _ in clock.ticks(phases["index"]):
+                yield self._draw(here, 1.0, None)
         for _ in clock.ticks(phases["wait"]):
             yield self._draw(here, 1.0, None)
         self._follow()
@@ -185,7 +189,7 @@ class TransplantView(View[TransplantPlan]):
             columns = places[0], places[1] - self._core.source_shape[1]
             for side, column, content in zip(SIDES, columns, plan.held[0], strict=True):
                 self._lines[side].cells[self._row[side], column] = content
-        elif kind != NOTHING:
+        elif kind in (INDEX_SOURCE, INDEX_TARGET, FINISH):
             side: Side = "source" if kind == INDEX_SOURCE else "target"
             self._row[side] -= 1
             self._travel[side] = self._travel_to(side, self._row[side])
