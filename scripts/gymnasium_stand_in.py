@@ -33,7 +33,7 @@ STAND_IN, TOLD, WHICH = "FIELDGYM_STAND_IN", "FIELDGYM_TOLD", "FIELDGYM_WHICH"
 EXAMPLE = "those that take an example"
 DECISIONS = 20
 """Of an episode of whoever stands in."""
-PICTURE_PX = 96
+PICTURE_PX = 32
 PICTURES_PER_SECOND = 50
 """CartPole's: windows wait so long between two pictures."""
 FILES_OF_THEIRS = {
