@@ -48,12 +48,25 @@ ROOMS: dict[str, tuple[str, ...]] = {
 DEMAND = "weeding_demand.py::test_kills_beyond_the_demand_are_worth_nothing"
 TAKEN_DOWN = "drawn_fields.py::test_fields_are_those_that_were_taken_down[fieldgym/{}-v0]"
 CLOSEST: dict[str, tuple[str, ...]] = {
-    "envs/safflower/drawing": (TAKEN_DOWN.format("SafflowerPicking"), "safflower_laws", "laws_neighbours"),
-    "envs/safflower": ("safflower_laws", "safflower_oracle", "safflower_task", "laws_cores", "safflower_standing"),
-    "envs/sorting/drawing": (TAKEN_DOWN.format("ProduceSorting"), "sorting_field"),
-    "envs/sorting/motions": ("laws_sorter_motions", "sorting_task"),
+    "envs/safflower/drawing": (
+        TAKEN_DOWN.format("SafflowerPicking"),
+        "safflower_laws",
+        "laws_neighbours",
+        "laws_parts",
+    ),
+    "envs/safflower": (
+        "safflower_laws",
+        "safflower_oracle",
+        "safflower_task",
+        "laws_cores",
+        "safflower_standing",
+        "laws_parts",
+    ),
+    "envs/sorting/drawing": (TAKEN_DOWN.format("ProduceSorting"), "sorting_field", "laws_parts"),
+    "envs/sorting/motions": ("laws_sorter_motions", "sorting_task", "laws_parts"),
     "envs/sorting": (
         *("sorting_numbers", "sorting_task", TAKEN_DOWN.format("ProduceSorting"), "laws_cores", "laws_sorter_motions"),
+        "laws_parts",
     ),
     "envs/transplanting/core": (
         *("transplanting_rules", "transplanting_recomputed", "laws_cores"),
@@ -62,13 +75,19 @@ CLOSEST: dict[str, tuple[str, ...]] = {
     "envs/transplanting": (
         *("transplanting_timing", "transplanting_rules", "transplanting_recomputed", "laws_transplanter_policies"),
         TAKEN_DOWN.format("TrayTransplanting"),
+        "laws_parts",
     ),
-    "envs/weeding/drawing": (TAKEN_DOWN.format("LaserWeeding"), TAKEN_DOWN.format("HoeWeeding"), "weeding_task"),
+    "envs/weeding/drawing": (
+        TAKEN_DOWN.format("LaserWeeding"),
+        TAKEN_DOWN.format("HoeWeeding"),
+        "weeding_task",
+        "laws_parts",
+    ),
     "envs/weeding/gaps": ("laws_neighbours", TAKEN_DOWN.format("LaserWeeding"), "weeding_numbers"),
     "envs/weeding/sighting": (TAKEN_DOWN.format("LaserWeeding"), TAKEN_DOWN.format("HoeWeeding"), "weeding_task"),
     "envs/weeding/tools/hoe": ("hoe", "weeding_numbers", "laws_constants"),
     "envs/weeding/tools/laser": ("weeding_numbers", "weeding_task", "laws_constants"),
-    "envs/weeding": ("weeding_numbers", "weeding_task", "laws_cores", DEMAND),
+    "envs/weeding": ("weeding_numbers", "weeding_task", "laws_cores", "laws_parts", DEMAND),
     "agents/policies/safflower": ("laws_picker_policies",),
     "agents/policies/sorting": ("laws_sorter_policies",),
     "agents/policies/transplanting": ("laws_transplanter_policies", "transplanting_policies"),
@@ -77,7 +96,7 @@ CLOSEST: dict[str, tuple[str, ...]] = {
     "agents/policies/search": ("planning", "laws_sorter_policies"),
     "agents/policies": ("laws_policies", "sources"),
     "bounds/base": ("laws_bound_parts", "bounds"),
-    "bounds/belt": ("laws_bound_parts", "laws_bounds"),
+    "bounds/belt": ("laws_parts", "laws_bound_parts", "laws_bounds"),
     "bounds/sorting": ("laws_bounds",),
     "bounds/stops": ("laws_bound_parts", "laws_bounds"),
     "bounds/safflower": ("laws_bounds",),

@@ -191,6 +191,27 @@ def test_rules_of_speed():
     assert seen == {0, 1, 2}
 
 
+def test_work_that_is_near_is_spread_over_half_of_what_the_front_camera_sees():
+    """A weed just behind the camera's front edge is no reason to stop."""
+    config = WeedingConfig(slots=K, speed_control=True)
+    observation, rows = weeds(8)
+    table = observation["candidates"].reshape(WORLDS, K, len(Weed._fields))
+    assert np.shares_memory(table, observation["candidates"])
+    present, along = (Weed._fields.index(name) for name in ("present", "along"))
+    table[:, 1:, present], table[:, 0, present], table[:, 0, along] = 0.0, 1.0, -0.3
+    way, work_s = 0.35 - 0.3 * 0.3, []
+    for w in range(WORLDS):
+        weed, tool = rows[w][0], tool_of(config)
+        label = tool["label"][int(weed["grass"])][int(np.argmax([weed[s] for s in STAGES]))]
+        work_s.append(0.26 + tool["work_s"][label])
+    set_speed = Weeder._fields.index("set_speed")
+    for share in (0.7, 1.1):
+        observation["machine"][:, set_speed] = 10.0 * share * 0.6 * way / np.array(work_s)
+        change = 1 if share > 1.0 else 0
+        policy = weeding.HoldBacklog(weeding.Nearest(config), 0.3, 0.6)
+        assert np.all(policy.change(observation) == change)
+
+
 def ways_of(config: Any) -> tuple[Any, Any]:
     """What a move takes, and how the arm would work on a target: place, seconds until it does, whether it can."""
     r = config.reach
