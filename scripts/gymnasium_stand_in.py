@@ -48,6 +48,7 @@ LEFT_OUT = {
     "test_box_actions_out_of_bound": "of actions that are boxes of numbers; these are whole numbers",
     "test_sync_vector_env_seed": "wants continuous actions: whole numbers and a batch of them draw unalike",
     "test_make_with_render_mode": "CartPole takes a mode of rendering that it does not have; these ids refuse it",
+    "test_pygame_selective_init": "of pygame, with which CartPole draws and these ids do not",
     "test_num_envs_screen_size[*Ant-v4]": "of MuJoCo's ant",
     "wrappers/vector/test_human_rendering.py::test_render_modes": "CartPole's batch takes a mode that it does not have",
 }
