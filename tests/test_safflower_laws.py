@@ -10,6 +10,7 @@ from fieldgym.envs.safflower.config import EFFORTS, ProcessConfig, SafflowerConf
 from fieldgym.envs.safflower.process import Shears, collected_share, cut_share, dropped_share
 from fieldgym.envs.safflower.timing import (
     DRIVE,
+    EMPTY,
     FINISH,
     NOTHING,
     STILL_M,
@@ -103,10 +104,11 @@ def test_legs_are_all_pairs(slack, settle):
 def test_standing_times_are_the_process_s():
     config = override(CONFIG, {"process.strokes": (1, 4, 9), "process.suction_s": (0.5, 2.5, 7.0)})
     table = standing_s(config)
-    assert table.shape == (len(EFFORTS) + 3, len(P)) and len(EFFORTS) == DRIVE
+    assert table.shape == (len(EFFORTS) + 4, len(P)) and len(EFFORTS) == DRIVE
     assert table[:DRIVE, P.recognise].tolist() == [7.304] * 3
     assert table[:DRIVE, P.shear] == pytest.approx(np.array([1, 4, 9]) * 0.04785 / 0.030)
     assert table[:DRIVE, P.suck].tolist() == [0.5, 2.5, 7.0]
     assert table[DRIVE].tolist() == [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     assert table[NOTHING, P.recognise] == 1.0 and not table[FINISH].any()
+    assert table[EMPTY].tolist() == [0.0, 0.0, 0.0, 0.0, 0.0, config.scenario.bag.empty_s]
     assert not table[:, [P.drive, P.travel, P.settle]].any()
