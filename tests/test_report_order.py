@@ -21,5 +21,9 @@ def test_the_leaderboard_shows_where_the_order_matters_by_return(tmp_path: Path)
     [first] = [line for line in told if line.startswith("| 1 |")]
     means = [np.mean([each["return"] for each in records if each["policy"] == policy]) for policy in POLICIES]
     assert POLICIES[int(np.argmax(means))] in first and f"{max(means):.3f}" in first
+    # What its order and its comparisons are worth is told under it, as under every table.
+    assert [line for line in told if line.startswith("- By mean return")] == [
+        f"- By mean return on these fields, best rule: fixed-order; best planner: {POLICIES[1]}."
+    ]
     pots = reader.load(write(tmp_path / "pots", [record(POTS, "fixed-order", seed) for seed in range(3)]))
     assert "## Where the order matters" not in leaderboard.render(pots, "x").splitlines()

@@ -81,11 +81,15 @@ def _chapter(item: Chapter) -> list[str]:
         *_numbered(rows, shown),
         *([] if tier.bound is None else [_line("", tier.bound, shown)]),
         "",
-        *(f"- {escaped(line)}" for line in ranking.told(tier.rows)),
-        "",
+        *_told(tier.rows),
         *(["In the field:", "", *_named(rows, told), ""] if told else []),
         *_driven(item),
     ]
+
+
+def _told(rows: Sequence[Row]) -> list[str]:
+    """Lines on what a table's order and its comparisons are worth."""
+    return [*(f"- {escaped(line)}" for line in ranking.told(rows)), ""]
 
 
 def _numbered(rows: Sequence[Row], columns: Sequence[Column]) -> list[str]:
@@ -141,7 +145,7 @@ def _ordered(chapters: Sequence[Chapter]) -> list[str]:
             where = f"{sections.name_of(item.task.id)}, {escaped(sections.words(tier.condition))}, "
             where += f"{len(tier.seeds)} {tier.condition.instances}s:"
             bound = [] if tier.bound is None else [_line("", tier.bound, shown)]
-            lines += [where, "", *_numbered(rows, shown), *bound, ""]
+            lines += [where, "", *_numbered(rows, shown), *bound, "", *_told(rows)]
     return ["## Where the order matters", "", *lines] if lines else []
 
 
@@ -155,7 +159,7 @@ def _demands(chapters: Sequence[Chapter]) -> list[str]:
                 rows = sorted(tier.rows, key=lambda row: -row.scores[ACCEPTED].value)
                 where = f"{sections.name_of(item.task.id)}, {escaped(sections.words(tier.condition))}, demanded "
                 where += f"{100.0 * demanded:g} %, {len(tier.seeds)} {tier.condition.instances}s:"
-                lines += [where, "", *_named(rows, (*field_columns(rows), _RETURN)), ""]
+                lines += [where, "", *_named(rows, (*field_columns(rows), _RETURN)), "", *_told(rows)]
     if not lines:
         return []
     said = (

@@ -290,6 +290,7 @@ def _others(item: Chapter, styles: dict[str, Style]) -> Markup:
     parts = []
     for tier in item.others:
         parts += [tag("h4", words(tier.condition)), tag("p", _episodes(tier), _class="quiet"), table(tier, styles)]
+        parts.append(_meaning(tier))
         parts += [_field(tier, styles)] if rates_of(tier.condition).demanded > 0.0 else []
     count = len(item.others)
     return tag("details", tag("summary", f"{count} more tier{'s' if count > 1 else ''}"), parts)
