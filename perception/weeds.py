@@ -56,21 +56,19 @@ class Seedlings(NamedTuple):
 
     Attributes:
         position: (n, 2), world metres.
-        area_m2: (n,).
         species: (n,), 0 broadleaf, 1 grass.
         stage: (n,), 0 cotyledon, 1 two-leaf, 2 four-leaf.
         crop: (n,), taken for a crop plant.
         box: (n, 4), left, top, width, height in pixels.
-        fill: (n,), share of the smallest enclosing circle that the plant covers.
+        score: (n,), how sure that there is a plant: a probability.
     """
 
     position: Array
-    area_m2: Array
     species: NDArray[np.int64]
     stage: NDArray[np.int64]
     crop: NDArray[np.bool_]
     box: NDArray[np.int64]
-    fill: Array
+    score: Array
 
 
 def plant_mask(rgb: NDArray[np.uint8], limit: float, close_px: int) -> NDArray[np.uint8]:
@@ -181,7 +179,7 @@ def detect(frame: Frame, context: Rows = MIDDLE_ROW, settings: WeedSettings | No
     position = on_plane(np.array(stems, float).reshape(-1, 2), intrinsics, world_from_camera, height)
     beside = np.abs(position[:, 1:] - np.array(context.across_m)).min(axis=1)
     crop = (area >= chosen.crop_m2) & (beside <= chosen.row_half_m)
-    return Seedlings(position, area, species, stage, crop, np.array(boxes, np.int64).reshape(-1, 4), np.array(fills))
+    return Seedlings(position, species, stage, crop, np.array(boxes, np.int64).reshape(-1, 4), np.ones(len(position)))
 
 
 def on_plane(pixels: Array, intrinsics: Array, world_from_camera: Array, height_m: Array | float) -> Array:
@@ -200,9 +198,10 @@ class Track:
         first_m: cart position of the first of them.
         last_m: cart position of the last of them.
         looks: pictures in whose middle it lay, whether they showed it or not.
+        least: share of sure pictures below which it is doubtful.
         confirmed_m: cart position at which enough pictures had shown it.
-        votes: (2, 3), pictures by species and stage.
-        crop_votes: pictures that took it for a crop plant.
+        votes: (2, 3), pictures by species and stage, each counted by how sure it was.
+        crop_votes: those that took it for a crop plant, likewise.
         treated: whether the tool has been sent to it.
     """
 
@@ -210,9 +209,10 @@ class Track:
     first_m: float
     last_m: float
     looks: int = 0
+    least: float = 0.5
     confirmed_m: float = np.inf
     votes: Array = field(default_factory=lambda: np.zeros((2, 3)))
-    crop_votes: int = 0
+    crop_votes: float = 0.0
     treated: bool = False
     _median: tuple[int, Array] = field(default_factory=lambda: (0, np.zeros(2)), repr=False)
 
@@ -227,20 +227,20 @@ class Track:
     @property
     def is_crop(self) -> bool:
         """Whether most pictures took it for a crop plant."""
-        return 2 * self.crop_votes > len(self.places)
+        return 2.0 * self.crop_votes > float(self.votes.sum())
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether most pictures that should have shown it did not."""
-        return 2 * len(self.places) < self.looks
+        """Whether pictures that should have shown it did not, or not for sure: less than ``least`` of each."""
+        return float(self.votes.sum()) < self.least * self.looks
 
 
 class WeedTracker:
     """Joins the plants of successive pictures: nearest pairs within a gate, confirmed after enough hits."""
 
-    def __init__(self, gate_m: float = 0.012, hits: int = 2):
-        """Set the gate and the number of pictures that confirm a track."""
-        self.gate_m, self.hits = gate_m, hits
+    def __init__(self, gate_m: float = 0.012, hits: int = 2, least: float = 0.5):
+        """Set the gate, the number of pictures that confirm a track, and the share of sure ones that it needs."""
+        self.gate_m, self.hits, self.least = gate_m, hits, least
         self.tracks: list[Track] = []
 
     def update(self, seedlings: Seedlings, cart_m: float, view_m: tuple[float, float]) -> None:
@@ -269,11 +269,12 @@ class WeedTracker:
         for i in range(len(seedlings.position)):
             track = pairs.get(i)
             if track is None:
-                track = Track([], cart_m, cart_m, looks=int(low <= seedlings.position[i, 0] <= high))
+                looks = int(low <= seedlings.position[i, 0] <= high)
+                track = Track([], cart_m, cart_m, looks, self.least)
                 self.tracks.append(track)
             track.places.append(seedlings.position[i].copy())
             track.last_m = cart_m
-            track.votes[seedlings.species[i], seedlings.stage[i]] += 1
-            track.crop_votes += int(seedlings.crop[i])
+            track.votes[seedlings.species[i], seedlings.stage[i]] += seedlings.score[i]
+            track.crop_votes += seedlings.score[i] * seedlings.crop[i]
             if len(track.places) == self.hits:
                 track.confirmed_m = cart_m

@@ -14,6 +14,8 @@ from .cameras import fall_of_rays, pose_of, sun_view, view_of
 from .instances import Instances
 from .library import MeshLibrary
 from .noise import stream
+from .optics import blurred, sensed, taps
+from .outdoor import Outdoors, resolve_outdoor, tile
 from .raster import Layers, Light, View, draw
 from .shading import Ground, resolve, resolve_ground, resolve_picture
 from .shapes import Array
@@ -27,6 +29,8 @@ _WHITE = np.full(3, 255, np.uint8)
 _SKY = (176.0, 205.0, 232.0), (236.0, 241.0, 243.0)
 """Colour of the sky at the upper and at the lower edge of a picture for people."""
 _MAP_PIXELS, _MAP_HALF_M = 1024, 1.6
+_NEAR_PIXELS, _NEAR_HALF_M = 640, 0.40
+"""The same of what throws shadows before a camera over the ground."""
 _DARK = 0.35
 """Share of the sun's light that a shadow keeps."""
 _CASTER_M = 2.5
@@ -87,7 +91,7 @@ class Renderer:
         eye: ArrayLike,
         target: ArrayLike,
         up: ArrayLike,
-        ground: GroundLook | None = None,
+        ground: GroundLook | Outdoors | None = None,
         *,
         identities: bool = True,
     ) -> Look:
@@ -99,10 +103,13 @@ class Renderer:
             eye: (3,), metres.
             target: (3,), what is in the middle of the picture.
             up: (3,), the direction of its top.
-            ground: painted wherever nothing stands above the plane z = 0; nothing is added where it is left out.
+            ground: painted wherever nothing stands above the plane z = 0, or everything outdoors; nothing is added
+                where it is left out.
             identities: say whom the pixels show; it takes a part of the time.
         """
         view = view_of(camera, eye, target, up)
+        if isinstance(ground, Outdoors):
+            return self._outdoors(things, camera, view, ground, identities)
         layers = self._cleared(things, camera.width, camera.height)
         draw(self.library.meshes, things, 0, len(things.mesh), view, SUN, layers, True)
         shape = camera.height, camera.width
@@ -177,16 +184,37 @@ class Renderer:
         meshes = self.library.meshes
         sun, sunlit = self._shadows(casters, np.asarray(shaded_about, np.float64))
         view = view_of(camera, eye, target, up)
-        # Twice the size each way; the four samples lie about the one that a camera's frame would take.
-        view = view._replace(
-            focal=2.0 * view.focal, centre_x=2.0 * view.centre_x + 0.5, centre_y=2.0 * view.centre_y + 0.5
-        )
+        view = _twice(view)
         layers = self._cleared(things, 2 * camera.width, 2 * camera.height)
         draw(meshes, things, 0, len(things.mesh), view, SUN, layers, True)
         rgb = np.empty((camera.height, camera.width, 3), np.uint8)
         sky = np.linspace(*_SKY, camera.height)
         resolve_picture(things, layers, SUN, view, sun, sunlit, _DARK, sky, rgb)
         return rgb
+
+    def _outdoors(self, things: Instances, camera: Camera, view: View, outdoors: Outdoors, identities: bool) -> Look:
+        """``look`` with soil, sun and sky, and what the camera makes of them."""
+        pose, meshes, light = pose_of(view), self.library.meshes, outdoors.light
+        eye, ahead = pose.world_from_camera[:3, 3], pose.world_from_camera[:3, 2]
+        middle = eye - eye[2] / ahead[2] * ahead
+        sun = sun_view(light.towards, np.array([middle[0], middle[1], 0.0]), _NEAR_HALF_M, _NEAR_PIXELS)
+        layers = self._cleared(things, _NEAR_PIXELS, _NEAR_PIXELS, "near sun")
+        draw(meshes, things, 0, len(things.mesh), sun, light, layers, False)
+        sunlit, view = layers.inverse, _twice(view)
+        layers = self._cleared(things, 2 * camera.width, 2 * camera.height)
+        draw(meshes, things, 0, len(things.mesh), view, light, layers, True)
+        shape = camera.height, camera.width
+        image, depth = np.empty((*shape, 3), np.float32), np.empty(shape, np.float32)
+        identity = np.empty(shape if identities else (0, 0), np.int32)
+        resolve_outdoor(
+            things, layers, view, light, sun, sunlit, outdoors.dark, outdoors.soil, outdoors.shade, tile(), image,
+            depth, identity,
+        )  # fmt: skip
+        optics = outdoors.optics
+        image = blurred(image, taps(optics.lens_px, 0.0), taps(optics.lens_px, optics.moved_px))
+        with np.errstate(over="ignore"):
+            rgb = sensed(image, optics.gain, optics.read, optics.shot, optics.corner, stream(outdoors.seed))
+        return Look(Frame(rgb, depth, pose), identity)
 
     def _shadows(self, casters: Instances, middle: Array) -> tuple[View, NDArray[np.float32]]:
         """The sun's view about a place (3,), and how far before its far end it meets something."""
@@ -214,6 +242,11 @@ class Renderer:
         inverse.fill(0.0)
         slot.fill(-1)
         return Layers(inverse, slot, self._owner, self._light, self._point, self._shine)
+
+
+def _twice(view: View) -> View:
+    """A view of twice the size each way; the four samples lie about the one that a camera's frame would take."""
+    return view._replace(focal=2.0 * view.focal, centre_x=2.0 * view.centre_x + 0.5, centre_y=2.0 * view.centre_y + 0.5)
 
 
 @cache

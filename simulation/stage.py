@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..perception.frames import Camera, Frame
 from ..rendering.instances import Instances, joined
 from ..rendering.library import MeshLibrary
+from ..rendering.outdoor import Outdoors
 from ..rendering.renderer import GroundLook, Look, Renderer
 from ..rendering.shots import MACHINE, Shot, Viewpoint
 
@@ -108,7 +109,7 @@ class Stage:
         target: ArrayLike,
         up: ArrayLike,
         *groups: str,
-        ground: GroundLook | None = None,
+        ground: GroundLook | Outdoors | None = None,
     ) -> Frame:
         """What a camera sees of some groups, or of all; ``seen`` says whom its pixels show."""
         frame = self._renderer.look(self.things(*groups), camera, eye, target, up, ground, identities=False).frame
@@ -124,7 +125,7 @@ class Stage:
         target: ArrayLike,
         up: ArrayLike,
         *groups: str,
-        ground: GroundLook | None = None,
+        ground: GroundLook | Outdoors | None = None,
     ) -> Look:
         """A frame with identities; see ``Renderer.look``.
 

@@ -168,7 +168,7 @@ def seedlings(*places, crop=False):
     n = len(places)
     zeros = np.zeros(n, np.int64)
     position = np.array(places, float).reshape(-1, 2)
-    return Seedlings(position, np.ones(n), zeros, zeros, np.full(n, crop), np.zeros((n, 4), np.int64), np.ones(n))
+    return Seedlings(position, zeros, zeros, np.full(n, crop), np.zeros((n, 4), np.int64), np.ones(n))
 
 
 def test_tracks_are_joined_within_the_gate_and_confirmed_by_the_second_picture():

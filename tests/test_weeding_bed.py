@@ -193,7 +193,7 @@ def test_the_neighbouring_rows_are_painted_beside_the_outer_ones():
     config = WeedingConfig(scenario=RIDGED)
     scene = WeederScene(config, config.parameters)
     own = np.array([[0.1, -0.1], [0.1, 0.1]])
-    scene.load(np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), own, 3)
+    scene.load(np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), own, 3.5e-6)
     scene.plant_around(0.0)
     assert np.unique(scene.stage.things("plants").shift[:, 1].round(9)).tolist() == [-0.3, -0.1, 0.1, 0.3]
     scene.close()
@@ -243,7 +243,7 @@ def test_the_front_camera_knows_the_crop_of_both_rows():
     config = WeedingConfig(scenario=RIDGED)
     scene = WeederScene(config, config.parameters)
     crop = np.array([[0.16 * i, across] for i in range(12) for across in (-CREST_M, CREST_M)])
-    scene.load(np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), crop, 3)
+    scene.load(np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), crop, 3.5e-6)
     front = FrontCamera(scene, 0.0, 0.0)
     front.drive(0.1)
     assert front.last is not None

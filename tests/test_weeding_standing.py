@@ -7,12 +7,12 @@ import pytest
 
 from fieldgym.envs.shaking import believed, height_at, lands
 from fieldgym.envs.weeding.config import SCENARIOS
+from fieldgym.envs.weeding.eyes import ClassicalEyes
 from fieldgym.envs.weeding.ground import draw_profile, shape_of, surface_of
 from fieldgym.envs.weeding.ground_config import GroundConfig
 from fieldgym.envs.weeding.standing import Standing
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.scene import WeederScene
-from fieldgym.envs.weeding.tools.laser.view import nearest_seen
 from fieldgym.perception.weeds import detect
 
 CONFIG = replace(
@@ -33,7 +33,7 @@ def show(scene, weeds, standing):
     """Put two-leaf broadleaves at places (n, 2) on some ground."""
     kinds = np.zeros(len(weeds), np.int64), np.ones(len(weeds), np.int64)
     scene.load(
-        np.asarray(weeds, float), *kinds, np.linspace(0.1, 0.9, len(weeds)), np.array([[50.0, 0.0]]), 7, standing
+        np.asarray(weeds, float), *kinds, np.linspace(0.1, 0.9, len(weeds)), np.array([[50.0, 0.0]]), 7.5e-6, standing
     )
 
 
@@ -61,7 +61,7 @@ def test_the_tool_camera_sees_plants_from_where_the_tool_is(scene, cart):
     told, at = np.array([carrier + lean, across]), np.array(lands(surface, SHAPE, cart, carrier, lean, across))
     show(scene, [at + np.array([0.006, -0.004])], Standing(surface, SHAPE))
     eye = np.array([carrier, 0.0, CONFIG.reach.target_height_m + CONFIG.reach.gap_m])
-    seen = nearest_seen(scene.look_tool(eye, told, cart), told)
+    seen = ClassicalEyes().tool(scene.look_tool(eye, told, cart), told)
     assert seen is not None and np.hypot(*(seen - told - np.array([0.006, -0.004]))) < 0.003
     # From where it was told to be it would have seen the plant elsewhere.
     scene.standing = None

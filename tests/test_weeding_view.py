@@ -11,6 +11,7 @@ import fieldgym  # noqa: F401
 from fieldgym.envs.dice import draw_blocks
 from fieldgym.envs.weeding.config import SCENARIOS, CartConfig
 from fieldgym.envs.weeding.drawing import Strip, draw_plants
+from fieldgym.envs.weeding.eyes import TOOL_SETTINGS
 from fieldgym.envs.weeding.gaps import LOOKED_AT, crop_gaps, weed_gaps
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.scene import SOIL
@@ -20,12 +21,13 @@ from fieldgym.envs.weeding.tools.hoe.process import HoeProcessConfig
 from fieldgym.envs.weeding.tools.laser.calibration import MATCH_M, factors, kept, match
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.scene import WeederScene
-from fieldgym.envs.weeding.tools.laser.view import TOOL_SETTINGS
 from fieldgym.motion.orientation import axes, from_euler
 from fieldgym.perception.weeds import detect
 from fieldgym.rendering.renderer import GroundLook, level_colour
 
 SCENARIO = SCENARIOS["load-1.0"]
+STRIP = 7.5e-6
+"""Look of the strip whose number is 7."""
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +42,7 @@ def show(scene, weeds, crop=((5.0, 0.0),)):
     """Put weeds (x, y, species, stage) and crop plants into a scene."""
     table = np.array(weeds, float).reshape(-1, 4)
     kinds = table[:, 2:].astype(np.int64)
-    scene.load(table[:, :2], kinds[:, 0], kinds[:, 1], np.linspace(0.1, 0.9, len(table)), np.array(crop), 7)
+    scene.load(table[:, :2], kinds[:, 0], kinds[:, 1], np.linspace(0.1, 0.9, len(table)), np.array(crop), STRIP)
 
 
 def look(scene, cart_m=-0.85):

@@ -266,6 +266,11 @@ class FieldTask(Config):
     """What the named reward terms are worth."""
     slots: int = num(16, 1, 64, "")
     """Candidates that a policy is shown at once."""
+    pictures: Literal["easy", "field"] = choice("easy", ("easy", "field"))
+    """What the cameras' pictures show: plants of one shape and colour a kind on even ground, or plants, light and soil
+    that differ."""
+    eyes: Literal["classical", "learned"] = choice("classical", ("classical", "learned"))
+    """What the cameras' pictures are looked at with: colour and shapes, or a network for each camera."""
     speed_control: bool = flag(False)
     """Whether the action includes the cart's speed."""
     nominal_move_s: float = num(0.26, 0.0, 60.0, "s")

@@ -7,13 +7,16 @@ from numpy.typing import NDArray
 
 from ...perception.frames import Camera, Frame
 from ...rendering.cameras import pose_of, view_of
-from ...rendering.instances import Instances, about_z, instances, joined
+from ...rendering.instances import NOBODY, Instances, about_z, instances, joined
+from ...rendering.outdoor import Outdoors
 from ...rendering.renderer import GroundLook
 from ...rendering.shapes import box, frustum, surface_of_revolution
 from ...rendering.shots import MACHINE, Viewpoint
 from ...simulation.stage import Scene, Stage
 from ..core import Array
 from .config import FieldTask
+from .growing import Foliage, Nursery
+from .outdoors import Day, Litter, day_of, seen_by
 from .seedlings import crop_mesh, weed_mesh
 from .standing import Standing
 
@@ -89,7 +92,10 @@ class FieldScene(Scene):
         self._marks: list[Array] = []
         self._plants: Instances = joined([])
         self._cart_m, self._planted_m = 0.0, np.inf
-        self._strip = 0
+        self._strip, self._ground_look = 0, 0.0
+        self._day: Day | None = None
+        if config.pictures == "field":
+            self._nursery, self._scattered = Nursery(library, config.scenario.crop), Litter(library)
         self.tool_m = np.zeros(3)
         self.standing: Standing | None = None
 
@@ -100,10 +106,10 @@ class FieldScene(Scene):
         stage: NDArray[np.int64],
         look: Array,
         crop: Array,
-        strip: int,
+        ground_look: float,
         standing: Standing | None = None,
     ) -> None:
-        """Show another strip: weeds (n, 2) with their kinds and looks in [0, 1), crop plants (m, 2), its number.
+        """Show another strip: weeds (n, 2) with their kinds and looks in [0, 1), crop plants (m, 2), its own look.
 
         ``standing`` is its ground where that is no plane.
         """
@@ -112,7 +118,11 @@ class FieldScene(Scene):
         self._crop = crop
         self._dead_weed, self._dead_crop = np.zeros(len(weed), bool), np.zeros(len(crop), bool)
         self._marks = []
-        self._strip = strip
+        self._strip, self._ground_look = int(1e6 * ground_look) % 1009, ground_look
+        if self.config.pictures == "field":
+            self._day = day_of(ground_look)
+            crop_look = np.random.default_rng([int(ground_look * 2.0**53), 3]).random(len(crop))
+            self._foliage = self._nursery.weeds(species, stage, look), self._nursery.crops(crop_look)
         self._grow()
 
     def set_dead(self, weed: NDArray[np.bool_], crop: NDArray[np.bool_], marks: list[Array]) -> None:
@@ -144,7 +154,7 @@ class FieldScene(Scene):
         self.plant_around(cart_m)
         eye = np.array([cart_m + 0.5 * (_CHOSEN_AHEAD_M - behind_m), 0.0, self.eye_m])
         camera, down = self.sight_camera(rows, behind_m), eye - np.array([0.0, 0.0, 1.0])
-        ground = self._ground(camera, eye)
+        ground = self.bare_ground(camera, eye)
         return self.stage.look(camera, eye, down, (0.0, 1.0, 0.0), "plants", "soil", ground=ground)
 
     def render(self, width: int | None = None, height: int | None = None, camera: str = MACHINE) -> NDArray[np.uint8]:
@@ -185,7 +195,7 @@ class FieldScene(Scene):
 
     def look_down(self, camera: Camera, eye: Array, target: Array) -> Frame:
         """What a camera over the ground sees from ``eye`` (3,) towards ``target`` (3,), its noise included."""
-        view, ground = (camera, eye, target, (1.0, 0.0, 0.0)), self._ground(camera, eye)
+        view, ground = (camera, eye, target, (1.0, 0.0, 0.0)), self.bare_ground(camera, eye)
         return self.stage.look(*view, "plants", "soil", ground=ground)
 
     def look_shaken(self, camera: Camera, cart_m: float, eye: Array, target: Array) -> Frame:
@@ -197,7 +207,7 @@ class FieldScene(Scene):
             return self.look_down(camera, eye, target)
         up = np.array([1.0, 0.0, 0.0])
         real, middle, top = (self.standing.put(cart_m, point) for point in (eye, target, eye + up))
-        ground = self._ground(camera, eye)
+        ground = self.bare_ground(camera, eye)
         seen = self.stage.look(camera, real, middle, top - real, "plants", "soil", ground=ground)
         return Frame(seen.rgb, seen.depth_m, pose_of(view_of(camera, eye, target, up)))
 
@@ -207,7 +217,8 @@ class FieldScene(Scene):
             return
         self._planted_m = middle_m
         low, high = middle_m - _BEHIND_M - _REPLANT_M, middle_m + _AHEAD_M + _REPLANT_M
-        self.stage.put("ground", instances(self._soil, (middle_m + 0.2, 0.0, -0.01), None, SOIL))
+        soil = SOIL if self._day is None else (*(self._day.soil.colour / 255.0).tolist(), 1.0)
+        self.stage.put("ground", instances(self._soil, (middle_m + 0.2, 0.0, -0.01), None, soil))
         along = self._plants.shift[:, 0]
         crop = BEET if self.config.scenario.crop == "beet" else MAIZE
         pitch, row = self.config.scenario.crop_pitch_m, self.config.scenario.row_m
@@ -216,8 +227,16 @@ class FieldScene(Scene):
         for side in (-1, 1):
             across = side * (0.5 * (self.config.scenario.bed.rows + 1) * row)
             at = np.stack([pitch * (i + 0.1 * _scatter(i, side + 5)), np.full(len(i), across), 0.0 * i], axis=-1)
-            parts.append(instances(self._crop_mesh, at, about_z(2.0 * np.pi * _scatter(i, side + 9)), crop))
+            if self._day is None:
+                parts.append(instances(self._crop_mesh, at, about_z(2.0 * np.pi * _scatter(i, side + 9)), crop))
+            else:
+                beside = self._nursery.crops(_scatter(i, side + 9))
+                parts.append(_leaves(beside, at, np.eye(3)[None].repeat(len(i), 0), None, np.full(len(i), NOBODY)))
         self.stage.put("plants", joined(parts))
+        if self._day is not None:
+            half_m = 0.5 * self.config.scenario.band_m + _BESIDE_M
+            self.stage.put("soil", joined([*self._scattered.between(low, high, half_m, self._ground_look, self._day)]))
+            return
         parts = []
         for mesh, colour, salt, each_m in self._litter:
             i = np.arange(int(low / each_m), int(high / each_m))
@@ -230,10 +249,13 @@ class FieldScene(Scene):
         """Middle of what throws shadows in pictures for people."""
         return np.array([self._cart_m, 0.0, 0.3])
 
-    def _ground(self, camera: Camera, eye: Array) -> GroundLook:
-        """Bare ground, the cart's shade on it, and the sensor's noise; the same for the same place."""
+    def bare_ground(self, camera: Camera, eye: Array) -> GroundLook | Outdoors:
+        """Bare ground, the light and the shade on it, and the sensor's noise; the same for the same place."""
         edge = round((0.35 + 0.3 * np.sin(2.1 * float(eye[0]) + self._strip)) * camera.width)
         key = (round(float(eye[0]) * 1e4) * 7919 + round(float(eye[1]) * 1e4) + 31 * self._strip) % 2**32
+        if self._day is not None:
+            pixel_m = 2.0 * float(eye[2]) * np.tan(0.5 * camera.field_of_view_rad) / camera.height
+            return seen_by(self._day, eye, self.config.speed_m_s, pixel_m, key)
         return GroundLook(SOIL, _SHADE, max(edge, 0), _SENSOR_NOISE, key)
 
     def _grow(self) -> None:
@@ -251,11 +273,25 @@ class FieldScene(Scene):
         dead = np.concatenate([self._dead_weed, self._dead_crop])
         at[dead], turn[dead], withered = self.dead_looks(at[dead], turn[dead])
         colour[dead] = withered[:3]
-        mesh = np.concatenate([self._weed_mesh[self._species, self._stage], np.full(m, self._crop_mesh)])
-        plants = instances(mesh, at, turn, colour, np.arange(n + m))
+        if self._day is None:
+            mesh = np.concatenate([self._weed_mesh[self._species, self._stage], np.full(m, self._crop_mesh)])
+            plants = instances(mesh, at, turn, colour, np.arange(n + m))
+        else:
+            weeds, crops = self._foliage
+            whole = Foliage(*map(np.concatenate, zip(weeds, crops._replace(plant=crops.plant + n), strict=True)))
+            plants = _leaves(whole, at, turn, np.where(dead[:, None], colour, np.nan), np.arange(n + m))
         spots = np.column_stack([np.array(self._marks).reshape(-1, 2), np.zeros(len(self._marks))])
         self._plants = joined([plants, instances(self._mark, spots, None, self.mark_colour)])
         self._planted_m = np.inf
+
+
+def _leaves(foliage: Foliage, at: Array, turn: Array, colour: Array | None, identity: NDArray[np.int64]) -> Instances:
+    """The leaves of plants that stand at (n, 3) with turns (n, 3, 3), in their own colours where (n, 3) says none."""
+    whose = foliage.plant
+    turned = np.einsum("kij,kjl->kil", turn[whose], foliage.turn)
+    place = at[whose] + np.einsum("kij,kj->ki", turn[whose], foliage.shift)
+    own = foliage.colour if colour is None else np.where(np.isnan(colour[whose]), foliage.colour, colour[whose])
+    return instances(foliage.mesh, place, turned, own, identity[whose])
 
 
 def _scatter(index: NDArray[np.int64], salt: int) -> Array:

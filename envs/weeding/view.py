@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...perception.weeds import Rows, Seedlings, WeedTracker, detect
+from ...perception.weeds import Rows, Seedlings, WeedTracker
 from ...rendering.shots import MACHINE
 from ..core import Array, Sight, StepResult, View
 from ..pixels import on_picture
 from .core import WeedingCore
+from .eyes import Eyes, eyes_of
 from .scene import FieldScene
 from .standing import Standing
 from .state import MODES, WAIT, WeederPlan
@@ -29,7 +30,8 @@ SAME_M = 0.006
 """A track this near to where the tool has worked is of the same plant."""
 DRIFT_SHARE = 0.01
 """Standard deviation of the odometry's scale [published range 1-2 % of the distance]."""
-
+_HEEDED = 15
+"""The odometry is corrected by the median of so many of the tool camera's last looks."""
 
 _NONE = -1
 """No episode."""
@@ -44,10 +46,12 @@ _INSETS_FROM_PX = 640, 368
 class FrontCamera:
     """Pictures while driving, tracks, and the odometry that carries them on; one strip of one world."""
 
-    def __init__(self, scene: FieldScene, start_m: float, drift: float):
+    def __init__(self, scene: FieldScene, start_m: float, drift: float, eyes: Eyes):
         """Begin before the strip: the machine has been driving for a camera's view already."""
-        self._scene, self._drift = scene, drift
-        self.tracker, self._rows = WeedTracker(), Rows(scene.config.scenario.rows_m)
+        self._scene, self._drift, self._eyes = scene, drift, eyes
+        self.tracker, self._rows = WeedTracker(least=eyes.least), Rows(scene.config.scenario.rows_m)
+        self._slips: list[float] = []
+        self._known = 0.0
         cart = scene.config.cart
         self._ahead_m, self._half_view_m = cart.camera_ahead_m, 0.5 * cart.camera_view_m - WHOLE_M
         # Pictures from before the strip came into view show nothing of it.
@@ -58,7 +62,7 @@ class FrontCamera:
         """Take the pictures that are due until the cart is at ``cart_m``."""
         while self.next_m <= cart_m:
             frame = self._scene.look_front(self.next_m)
-            found = detect(frame, self._rows)
+            found = self._eyes.front(frame, self._rows)
             middle, half = self.next_m + self._ahead_m, self._half_view_m
             self.tracker.update(found, self.next_m, (middle - half, middle + half))
             self.last = frame.rgb, found
@@ -68,7 +72,13 @@ class FrontCamera:
         """Where the odometry believes that a plant is, as the cart's position is true."""
         standing = self._scene.standing
         slipped_m = 0.0 if standing is None else standing.slipped_m(last_m, cart_m)
-        return track_place + np.array([self._drift * (cart_m - last_m) + slipped_m, 0.0])
+        return track_place + np.array([(self._drift - self._known) * (cart_m - last_m) + slipped_m, 0.0])
+
+    def heed(self, last_m: float, cart_m: float, told: Array, seen: Array) -> None:
+        """Learn from where the tool camera sees a plant by how much of its way the odometry errs."""
+        if self._eyes.calibrates and cart_m > last_m:
+            self._slips.append(self._known + float(told[G.along] - seen[G.along]) / (cart_m - last_m))
+            self._known = float(np.median(self._slips[-_HEEDED:]))
 
 
 def boxed(rgb: NDArray[np.uint8], found: Seedlings) -> NDArray[np.uint8]:
@@ -91,12 +101,14 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
 
     Attributes:
         core: the rules.
+        eyes: what the cameras' pictures are looked at with.
     """
 
     def __init__(self, core: WeedingCore):
         """Build nothing yet: scenes come with the first look or picture."""
         self.core = core
-        self._eyes: SceneT | None = None
+        self.eyes = eyes_of(core.config.eyes)
+        self._watched: SceneT | None = None
         self._stage: SceneT | None = None
         self._front: FrontCamera | None = None
         self._loaded = self._sensed = _NONE
@@ -110,7 +122,7 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
     def beside(self, core: WeedingCore) -> FieldView[SceneT]:
         """See ``View.beside``."""
         one = type(self)(core)
-        one._eyes = self.camera_scene().another()
+        one._watched = self.camera_scene().another()
         return one
 
     @abstractmethod
@@ -130,12 +142,12 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
         core = self.core
         if self._sensed != self._identity() or self._front is None:
             self._sensed = self._identity()
-            eyes = self.camera_scene()
-            self.show_strip(eyes)
+            scene = self.camera_scene()
+            self.show_strip(scene)
             look, ground = float(core.ground_look[0]), core.config.scenario.ground
             told = ground.drift_share is not None
             drift = 0.0 if told else DRIFT_SHARE * (2.0 * look - 1.0) * np.sqrt(3.0)
-            self._front = FrontCamera(eyes, -core.config.cart.start_m, drift)
+            self._front = FrontCamera(scene, -core.config.cart.start_m, drift, self.eyes)
             self._listed = []
         cart, front = float(core.state.cart[0]), self._front
         front.drive(cart)
@@ -169,6 +181,12 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
 
     def aim_at(self, index: int, action: int) -> None:
         """Correct the aim of an action at a listed track; without a camera beside the tool nothing is."""
+
+    def heed(self, index: int, told: Array, seen: Array) -> None:
+        """Have the odometry learn from where the tool camera sees a listed track's plant that it was ``told`` of."""
+        if self._front is not None:
+            track = self._front.tracker.tracks[self._listed[index]]
+            self._front.heed(track.last_m, float(self.core.state.cart[0]), told, seen)
 
     def treat_near(self, place: Array) -> None:
         """A plant that fell apart in the front camera's pictures has several tracks: one treatment is for them all."""
@@ -232,7 +250,7 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
 
     def close(self) -> None:
         """Close the scenes; idempotent."""
-        for scene in (self._eyes, self._stage, self._sight):
+        for scene in (self._watched, self._stage, self._sight):
             if scene is not None:
                 scene.close()
 
@@ -290,9 +308,9 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
 
     def camera_scene(self) -> SceneT:
         """The scene that the cameras look at; the machine is left out of it."""
-        if self._eyes is None:
-            self._eyes = self.make_scene()
-        return self._eyes
+        if self._watched is None:
+            self._watched = self.make_scene()
+        return self._watched
 
     def show_strip(self, scene: FieldScene) -> None:
         """Load the rules' present strip into a scene."""
@@ -304,7 +322,7 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
             core.state.plant_kind[0, :end][exists],
             core.plant_look[0, :end][exists],
             core.state.plant[0, end:],
-            int(1e6 * core.ground_look[0]) % 1009,
+            float(core.ground_look[0]),
             Standing(core.state.surface[0].copy(), core.tables.shape) if core.state.surface.shape[1] else None,
         )
 

@@ -51,7 +51,7 @@ HOE: Assembly[Any] = Assembly(
     within_motors=within_motors,
     rates=later("fieldgym.envs.weeding.tools.hoe.rates:rates_of"),
     presets=PRESETS,
-    settings={"slots": "slots"},
+    settings={"slots": "slots", "eyes": "eyes", "pictures": "pictures"},
     fixed={"speed_control": False},
 )
 TOOLS: dict[str, Any] = {"hoe": HOE, "laser": "fieldgym.envs.weeding.tools.laser.env:LASER"}
@@ -99,6 +99,9 @@ class HoeWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
             measured on such images, ``"perfect"`` reports every weed where it is. Default: camera with PyBullet, model
             with the analytic backend.
         slots: candidates K shown at once.
+        pictures: ``"easy"`` shows plants of one shape and colour a kind on even ground, ``"field"`` plants, light and
+            soil that differ.
+        eyes: ``"classical"`` finds plants by colour and shape, ``"learned"`` by a network for each camera.
         config: every number of the task, a ``HoeWeedingConfig``; ``scenario`` and ``slots`` replace its own.
         tool: ``"hoe"``, or ``"laser"`` to meet the same fields with the laser.
         render_mode: ``"rgb_array"``, ``"human"`` or None.

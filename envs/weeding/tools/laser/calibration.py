@@ -84,16 +84,16 @@ class Seen(NamedTuple):
     confirmed_m: np.ndarray
 
 
-def measure(tier: str, strips: int) -> Strips:
-    """Drive over the strips of a tier."""
-    config = replace(WeedingConfig(), scenario=SCENARIOS[tier])
+def measure(tier: str, strips: int, eyes: str = "classical", first_seed: int = FIRST_SEED) -> Strips:
+    """Drive over the strips of a tier with eyes, see ``FieldTask.eyes``."""
+    config = replace(WeedingConfig(), scenario=SCENARIOS[tier], eyes=eyes)
     core = laser_core(config, None)
     view = WeederView(core)
     counts: dict[str, int] = dict.fromkeys(("pictures", "truth", "plants", "hits", "crop_as_weed"), 0)
     all_seen = []
     for strip in range(strips):
-        core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(FIRST_SEED + strip)])
-        all_seen.append(look(config, core, view, FIRST_SEED + strip, counts))
+        core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(first_seed + strip)])
+        all_seen.append(look(config, core, view, first_seed + strip, counts))
     view.close()
     return join(config, all_seen, counts)
 
@@ -102,7 +102,9 @@ def look(config: WeedingConfig, core: Any, view: WeederView, seed: int, counts: 
     """Drive over the present strip of ``core``, then send the tool camera to every track."""
     scene = view.camera_scene()
     view.show_strip(scene)
-    front = FrontCamera(scene, -config.cart.start_m, 0.0)
+    # The tool camera is sent where the odometry believes the plant is; its error is one value a strip.
+    drift = DRIFT_SHARE * np.sqrt(3.0) * np.random.default_rng(seed).uniform(-1.0, 1.0)
+    front = FrontCamera(scene, -config.cart.start_m, drift, view.eyes)
     end = core.weeds_end
     exists = core.plant_exists[0, :end]
     weed, crop = core.state.plant[0, :end][exists], core.state.plant[0, end:].copy()
@@ -111,18 +113,21 @@ def look(config: WeedingConfig, core: Any, view: WeederView, seed: int, counts: 
     tracks = [t for t in front.tracker.tracks if np.isfinite(t.confirmed_m) and not t.is_crop and not t.is_doubtful]
     tracks = [t for t in tracks if abs(t.place[1]) <= 0.5 * config.scenario.band_m]
     place = np.array([t.place for t in tracks]).reshape(-1, 2)
-    # The tool camera is sent where the odometry believes the plant is; its error is one value a strip.
-    drift = DRIFT_SHARE * np.sqrt(3.0) * np.random.default_rng(seed).uniform(-1.0, 1.0)
-    told = place + np.array([config.cart.unseen_m * drift, 0.0])
-    seen = [view.tool_aim(t) for t in told]
+    told, aim, found = np.empty_like(place), np.empty_like(place), np.zeros(len(place))
+    for i in np.argsort(place[:, 0], kind="stable"):
+        told[i] = front.place(place[i], 0.0, config.cart.unseen_m)
+        seen = view.tool_aim(told[i])
+        aim[i], found[i] = (told[i], 0.0) if seen is None else (seen, 1.0)
+        if seen is not None:
+            front.heed(0.0, config.cart.unseen_m, told[i], seen)
     return Seen(
         weed,
         kind,
         crop,
         place,
         told,
-        np.array([t if a is None else a for t, a in zip(told, seen, strict=True)]).reshape(-1, 2),
-        np.array([a is not None for a in seen], float),
+        aim,
+        found,
         np.array([(t.votes.sum(axis=1).argmax(), t.votes.sum(axis=0).argmax()) for t in tracks], float).reshape(-1, 2),
         np.array([t.confirmed_m for t in tracks]),
     )

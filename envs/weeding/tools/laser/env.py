@@ -52,7 +52,7 @@ LASER: Assembly[Any] = Assembly(
     within_motors=within_motors,
     rates=later("fieldgym.envs.weeding.tools.laser.rates:rates_of"),
     presets=PRESETS,
-    settings={"slots": "slots"},
+    settings={"slots": "slots", "eyes": "eyes", "pictures": "pictures"},
     fixed={"speed_control": False},
 )
 
@@ -101,6 +101,9 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
             on such images, ``"perfect"`` reports every weed where it is. Default: camera with PyBullet, model with the
             analytic backend.
         slots: candidates K shown at once.
+        pictures: ``"easy"`` shows plants of one shape and colour a kind on even ground, ``"field"`` plants, light and
+            soil that differ.
+        eyes: ``"classical"`` finds plants by colour and shape, ``"learned"`` by a network for each camera.
         config: every number of the task; ``scenario`` and ``slots`` replace its own.
         render_mode: ``"rgb_array"``, ``"human"`` or None.
 

@@ -6,12 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .....perception.frames import Frame
-from .....perception.weeds import WeedSettings, detect
 from ....core import Array
 from ....shaking import lands
 from ...core import WeedingCore
-from ...perception import TOOL_GATE_M
 from ...ridges import ridge_heights, risen
 from ...state import WAIT, WeederPlan
 from ...straying import NOWHERE_M
@@ -22,19 +19,6 @@ from .config import WeedingConfig
 from .machine import trajectory
 from .process import B
 from .scene import WeederScene
-
-TOOL_SETTINGS = WeedSettings(close_m=0.0012, whole=False)
-"""Of the detector behind the tool camera, whose view is not much larger than the largest weed."""
-
-
-def nearest_seen(frame: Frame, told: Array) -> Array | None:
-    """The plant (2,) in a tool camera's picture that is nearest to where it was sent, (2,); None where none is near."""
-    found = detect(frame, settings=TOOL_SETTINGS)
-    if not len(found.position):
-        return None
-    gap = np.hypot(*(found.position - told).T)
-    nearest = int(gap.argmin())
-    return found.position[nearest] if gap[nearest] <= TOOL_GATE_M else None
 
 
 class WeederView(FieldView[WeederScene]):
@@ -68,8 +52,10 @@ class WeederView(FieldView[WeederScene]):
         if self.core.tables.looks_after:
             self._look_after(index, action)
             return
-        aim = self.tool_aim(self.core.state.track_report[0, index])
+        told = self.core.state.track_report[0, index]
+        aim = self.tool_aim(told)
         if aim is not None:
+            self.heed(index, told, aim)
             self.core.correct(0, index, aim)
             self.treat_near(aim)
 
@@ -77,7 +63,7 @@ class WeederView(FieldView[WeederScene]):
         """Where the tool camera sees the plant that it was sent to, (2,), or None."""
         reach = self._config.aim
         centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
-        return nearest_seen(self.camera_scene().look_tool(centre, told), told)
+        return self.eyes.tool(self.camera_scene().look_tool(centre, told), told)
 
     def _look_after(self, index: int, action: int) -> None:
         """Look at where an action has brought the tool, from where the tool then is; the rules take what is seen.
@@ -97,7 +83,7 @@ class WeederView(FieldView[WeederScene]):
         cart, (carrier, lean, across) = float(plan.cart[0]) + way, plan.target[0].tolist()
         told, reach = np.array([carrier + lean, across]), self._config.aim
         eye = np.array([carrier, 0.0, reach.target_height_m + reach.gap_m])
-        seen = nearest_seen(self.camera_scene().look_tool(eye, told, cart), told)
+        seen = self.eyes.tool(self.camera_scene().look_tool(eye, told, cart), told)
         if seen is not None:
             core.correct(
                 0, index, lands(state.surface[0], core.tables.shape, cart, carrier, lean, across) + seen - told

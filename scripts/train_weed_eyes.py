@@ -1,0 +1,260 @@
+"""Train the networks behind ``eyes="learned"`` on rendered pictures: ten minutes each on one core.
+
+    python scripts/train_weed_eyes.py front --out assets/perception
+    python scripts/train_weed_eyes.py tool --out assets/perception
+
+PyTorch (the extra ``rl``) is needed here alone; the package computes with the written arrays. The pictures are those of
+strips that nothing else uses (``weed_lessons.py``). They are taken as they are, neither mirrored nor turned: the sun
+stands where it stands, and which side of a blade is bright says which way it rises. The colours of every plant are
+changed by some percent, so that a network does not come to rely on what a renderer's palette happens to be.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+import typer
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from fieldgym.kernels.files import replace_file
+from fieldgym.perception.stems import (
+    ANSWERS,
+    CROP,
+    FIRST_KIND,
+    KINDS,
+    MIDDLE,
+    OFFSET_X,
+    REACHES,
+    SPREAD,
+    WEED,
+    StemNet,
+    StemSettings,
+    stems_in,
+)
+from fieldgym.scripts.weed_lessons import CHOICE_SEED, FIRST_SEED, Lesson, lessons
+
+SIZE_PX = {"front": 192, "tool": 120}
+"""Sides of what is cut out of a picture; the tool camera's is taken as a whole."""
+BATCH = {"front": 6, "tool": 12}
+COLOUR, SOIL_COLOUR = 0.12, 0.05
+"""Deviation of the factors (as logarithms) on the three colours of a plant and of the ground, in half of the cuts."""
+_SIGMA_CELLS = {WEED: 1.0, CROP: 1.5}
+_WINDOW = 5
+_RATE, _WARM = 3e-3, 100
+_HIT_CELLS = {"front": 2.4, "tool": 2.4}
+"""A stem counts as found within this distance, places of the half-sized picture (6 and 4 mm)."""
+
+
+class Net(nn.Module):
+    """What ``perception.stems.StemNet`` computes, for training; names and widths of the layers are the same."""
+
+    def __init__(self, first: int = 12, second: int = 40, up: int = 16, head: int = 24):
+        """Make the layers."""
+        super().__init__()
+        self.first, self.second = nn.Conv2d(3, first, 3, 2, 1), nn.Conv2d(first, second, 3, 2, 1)
+        for k, reach in enumerate(REACHES):
+            self.add_module(f"look{k}", nn.Conv2d(second, second, 3, 1, reach, reach, second, bias=False))
+            self.add_module(f"mix{k}", nn.Conv2d(second, second, 1))
+        self.up = nn.Conv2d(second, up, 1)
+        self.near = nn.Conv2d(up + first, up + first, 3, 1, 1, 1, up + first, bias=False)
+        self.head, self.answer = nn.Conv2d(up + first, head, 1), nn.Conv2d(head, ANSWERS, 1)
+        nn.init.constant_(self.answer.bias[:2], -4.0)  # type: ignore[index]
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Answers (b, 10, h / 2, w / 2) on pictures (b, 3, h, w)."""
+        fine = torch.relu(self.first(x))
+        sums = torch.relu(self.second(fine))
+        for k in range(len(REACHES)):
+            sums = sums + torch.relu(self.get_submodule(f"mix{k}")(self.get_submodule(f"look{k}")(sums)))
+        told = F.interpolate(self.up(sums), scale_factor=2, mode="bilinear", align_corners=False)
+        return self.answer(torch.relu(self.head(self.near(torch.cat([told, fine], 1)))))
+
+    def weights(self) -> dict[str, NDArray[np.float32]]:
+        """Plain arrays, as ``StemNet`` takes them."""
+        plain = {name: values.detach().numpy().copy() for name, values in self.state_dict().items()}
+        for name, values in plain.items():
+            if values.shape[2:] == (1, 1):
+                plain[name] = values[:, :, 0, 0]
+            elif values.ndim == 4 and values.shape[1] == 1:
+                plain[name] = values[:, 0]
+        return plain
+
+
+class Sheet:
+    """What is wanted of a cut of a picture, on its half-sized grid.
+
+    Attributes:
+        odds: (2, h, w), one where a stem lies, falling off around it.
+        here: (2, h, w) bool, the places nearest to stems.
+        offset: (2, h, w), from a place to the weed's stem that it belongs to, in places.
+        kind: (h, w), of that weed; -1 where none is near.
+    """
+
+    def __init__(self, high: int, wide: int, stem: NDArray[np.float64], kind: NDArray[np.int64]):
+        """Draw stems (n, 2), in pixels of the cut."""
+        self.odds, self.here = np.zeros((2, high, wide), np.float32), np.zeros((2, high, wide), bool)
+        self.offset, self.kind = np.zeros((2, high, wide), np.float32), np.full((high, wide), -1)
+        gap = np.full((high, wide), np.inf)
+        for (u, v), k in zip((stem - 0.5) / 2.0, kind.tolist(), strict=True):
+            plane = CROP if k == KINDS else WEED
+            left, top = max(round(u) - _WINDOW, 0), max(round(v) - _WINDOW, 0)
+            right, bottom = min(round(u) + _WINDOW + 1, wide), min(round(v) + _WINDOW + 1, high)
+            if left >= right or top >= bottom:
+                continue
+            y, x = np.mgrid[top:bottom, left:right]
+            square = (x - u) ** 2 + (y - v) ** 2
+            there = np.s_[top:bottom, left:right]
+            soft = np.exp(-square / (2.0 * _SIGMA_CELLS[plane] ** 2)).astype(np.float32)
+            self.odds[plane][there] = np.maximum(self.odds[plane][there], soft)
+            if 0 <= round(u) < wide and 0 <= round(v) < high:
+                self.here[plane, round(v), round(u)] = True
+            if plane == WEED:
+                # Every place belongs to the stem that is nearest to it.
+                mine = (square < gap[there]) & (np.maximum(np.abs(x - u), np.abs(y - v)) <= 1.5)
+                gap[there] = np.where(mine, square, gap[there])
+                self.offset[0][there] = np.where(mine, x * -1.0 + u, self.offset[0][there])
+                self.offset[1][there] = np.where(mine, y * -1.0 + v, self.offset[1][there])
+                self.kind[there] = np.where(mine, k, self.kind[there])
+        self.odds[self.here] = 1.0
+
+
+def coloured(lesson: Lesson, rng: np.random.Generator) -> NDArray[np.float32]:
+    """A picture in which every plant has colours of its own, (h, w, 3)."""
+    factor = np.exp(rng.normal(0.0, COLOUR, (256, 3))).astype(np.float32)
+    factor[0] = np.exp(rng.normal(0.0, SOIL_COLOUR, 3))
+    return np.clip(lesson.rgb * factor[lesson.owner], 0.0, 255.0)
+
+
+def cut(lesson: Lesson, size: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], Sheet]:
+    """A part of a picture, (3, size, size) as the network takes it, with a weed in it where there is one."""
+    high, wide, _ = lesson.rgb.shape
+    inside = (lesson.kind < KINDS) & np.all((lesson.stem >= 0.0) & (lesson.stem < [wide, high]), axis=1)
+    u, v = lesson.stem[rng.choice(np.flatnonzero(inside))] if inside.any() else rng.uniform([0, 0], [wide, high])
+    x, y = (int(np.clip(at - rng.integers(size), 0, most - size)) for at, most in ((u, wide), (v, high)))
+    part = Lesson(lesson.rgb[y : y + size, x : x + size], lesson.owner[y : y + size, x : x + size], *lesson[2:])
+    picture = coloured(part, rng) if rng.random() < 0.5 else part.rgb.astype(np.float32)
+    sheet = Sheet(size // 2, size // 2, lesson.stem - [x, y], lesson.kind)
+    return np.ascontiguousarray((picture.transpose(2, 0, 1) - MIDDLE) / SPREAD, np.float32), sheet
+
+
+def loss_of(answers: Tensor, sheets: Sequence[Sheet]) -> Tensor:
+    """Focal loss of the stems (Law and Deng 2018, CornerNet), with offsets and kinds of weeds about them."""
+
+    def stacked(name: str) -> Tensor:
+        return torch.from_numpy(np.stack([getattr(sheet, name) for sheet in sheets]))
+
+    odds, here, wanted = answers[:, :2], stacked("here"), stacked("odds")
+    log, log_not = F.logsigmoid(odds), F.logsigmoid(-odds)
+    chance = torch.exp(log)
+    focal = torch.where(here, (1.0 - chance) ** 2 * log, (1.0 - wanted) ** 4 * chance**2 * log_not)
+    loss = -focal.sum() / here.sum().clamp(min=1)
+    kind = stacked("kind")
+    image, row, column = torch.nonzero(kind >= 0, as_tuple=True)
+    if len(image):
+        there = answers[image, :, row, column]
+        off = there[:, OFFSET_X : OFFSET_X + 2] - stacked("offset")[image, :, row, column]
+        loss = loss + 0.5 * off.abs().mean() + 0.3 * F.cross_entropy(there[:, FIRST_KIND:], kind[image, row, column])
+    return loss
+
+
+def train(data: Sequence[Lesson], size: int, batch: int, steps: int, net: Net, rng: np.random.Generator) -> list[float]:
+    """So many steps; gives the mean loss of every tenth of them."""
+    optimiser = torch.optim.Adam(net.parameters(), _RATE)
+    losses, began = [], time.thread_time()
+    for step in range(steps):
+        share = step / steps
+        for group in optimiser.param_groups:
+            group["lr"] = _RATE * min(1.0, step / _WARM) * 0.5 * (1.0 + np.cos(np.pi * share))
+        cuts = [cut(data[rng.integers(len(data))], size, rng) for _ in range(batch)]
+        loss = loss_of(net(torch.from_numpy(np.stack([picture for picture, _ in cuts]))), [s for _, s in cuts])
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(net.parameters(), 5.0)
+        optimiser.step()
+        losses.append(loss.item())
+        if (step + 1) % max(steps // 10, 1) == 0:
+            spent = time.thread_time() - began
+            print(f"{step + 1:6d} {spent:6.0f} s  loss {np.mean(losses[-max(steps // 10, 1) :]):.3f}", flush=True)
+    return [float(np.mean(part)) for part in np.array_split(losses, 10) if len(part)]
+
+
+def looked_at(net: StemNet, camera: str, data: Sequence[Lesson]) -> dict[str, Any]:
+    """Weeds of pictures that a network has not seen: found, told of, how far off in half-sized places."""
+    settings = StemSettings()
+    truth, found, told, right, off = 0, 0, 0, 0, []
+    for lesson in data:
+        high, wide, _ = lesson.rgb.shape
+        weed = (lesson.kind < KINDS) & np.all((lesson.stem >= 4) & (lesson.stem < [wide - 4, high - 4]), axis=1)
+        stems = stems_in(net.answers(lesson.rgb), WEED, 0.3, settings.apart_cells)
+        stem, kind = lesson.stem[weed], lesson.kind[weed]
+        truth, told = truth + len(stem), told + len(stems.pixel)
+        if len(stem) and len(stems.pixel):
+            gap = np.hypot(*(stems.pixel[:, None] - stem[None]).transpose(2, 0, 1)) / 2.0
+            nearest = gap.argmin(axis=0)
+            hit = gap.min(axis=0) < _HIT_CELLS[camera]
+            found += int(hit.sum())
+            right += int((stems.kind[nearest] == kind)[hit].sum())
+            off += gap.min(axis=0)[hit].tolist()
+    return {
+        "pictures": len(data),
+        "recall": round(found / max(truth, 1), 3),
+        "told_per_weed": round(told / max(truth, 1), 3),
+        "kind_right": round(right / max(found, 1), 3),
+        "off_cells_50_90": [round(float(v), 3) for v in np.percentile(off or [0.0], [50, 90])],
+    }
+
+
+def main(
+    camera: Annotated[str, typer.Argument(help="front or tool.")],
+    out: Annotated[Path, typer.Option(help="Folder of weed-eyes.CAMERA.npz and its card.")] = Path("results"),
+    steps: int = 6000,
+    strips: int = 40,
+    pictures: Annotated[int, typer.Option(help="Of each strip.")] = 40,
+    seed: Annotated[int, typer.Option(help="Of weights and cuts.")] = 0,
+    begin: Annotated[Path | None, typer.Option(help="Begin with the weights of this file.")] = None,
+) -> None:
+    """Render, train, look, write."""
+    torch.set_num_threads(1)
+    torch.manual_seed(seed)
+    began = time.thread_time()
+    data = list(lessons(camera, strips, pictures))
+    rendered_s = time.thread_time() - began
+    print(f"{len(data)} pictures in {rendered_s:.0f} s", flush=True)
+    net = Net()
+    if begin is not None:
+        with np.load(begin, allow_pickle=False) as arrays:
+            known = {name: torch.from_numpy(arrays[name]) for name in list(arrays)}
+        net.load_state_dict({name: known[name].reshape(values.shape) for name, values in net.state_dict().items()})
+    curve = train(data, SIZE_PX[camera], BATCH[camera], steps, net, np.random.default_rng(seed))
+    weights = net.weights()
+    held_out = looked_at(StemNet(weights), camera, list(lessons(camera, 6, 10, CHOICE_SEED)))
+    card = {
+        "made_by": f"scripts/train_weed_eyes.py {camera} --steps {steps} --strips {strips} --pictures {pictures}",
+        "numbers": int(sum(values.size for values in weights.values())),
+        "training_strips": [FIRST_SEED, FIRST_SEED + strips - 1],
+        "pictures": len(data),
+        "steps": steps,
+        "cpu_s": round(time.thread_time() - began),
+        "loss": [round(value, 3) for value in curve],
+        "held_out_strips": [CHOICE_SEED, CHOICE_SEED + 5],
+        "held_out": held_out,
+    }
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **weights)  # type: ignore[arg-type]
+    out.mkdir(parents=True, exist_ok=True)
+    replace_file(out / f"weed-eyes.{camera}.npz", buffer.getvalue())
+    replace_file(out / f"weed-eyes.{camera}.json", json.dumps(card, indent=1) + "\n")
+    print(json.dumps(held_out))
+
+
+if __name__ == "__main__":
+    typer.run(main)
