@@ -1,6 +1,7 @@
 """Measure a task's cameras on rendered pictures and fit the statistical camera to them.
 
     python scripts/measure_camera.py {safflower,sorting,transplanting,weeding} [--size N] [--write]
+        [--eyes learned] [--pictures field]
 
 ``fieldgym.envs.<task>.calibration`` says what is rendered, on seeds that no benchmark uses, and how it is counted. The
 fit is printed; ``--write`` puts it into ``assets/perception/``. ``--thresholds`` searches the transplanter's detector
@@ -50,13 +51,14 @@ def of_transplanting(rows: int = 100) -> dict[str, Any]:
     return data
 
 
-def of_weeding(strips: int | None = None) -> dict[str, Any]:
+def of_weeding(strips: int | None = None, eyes: str = "classical", pictures: str = "easy") -> dict[str, Any]:
     """So many strips of every tier, by default as many as each needs."""
+    from fieldgym.envs.weeding.eyes import eyes_of
     from fieldgym.envs.weeding.perception import PerceptionModel
     from fieldgym.envs.weeding.view import FRAME_EVERY_M
 
-    parts = {tier: weeding.measure(tier, strips or usual) for tier, usual in weeding.STRIPS.items()}
-    model = weeding.fit(list(parts.values()))
+    parts = {tier: weeding.measure(tier, strips or usual, eyes, pictures) for tier, usual in weeding.STRIPS.items()}
+    model = weeding.fit(list(parts.values()), eyes_of(eyes).calibrates)
     PerceptionModel.from_json(model)
     return {
         "comment": f"a picture every {FRAME_EVERY_M} m; drift and delay assumed",
@@ -85,6 +87,8 @@ def main() -> None:
     parser.add_argument("--size", type=int, help="stops a scenario, frames, rows a pair of presets, strips a tier")
     parser.add_argument("--write", action="store_true", help="write the fit into assets/perception/")
     parser.add_argument("--thresholds", action="store_true", help="search the transplanter's detector settings")
+    parser.add_argument("--eyes", choices=("classical", "learned"), default="classical", help="of the weeders")
+    parser.add_argument("--pictures", choices=("easy", "field"), default="easy", help="of the weeders' cameras")
     options = parser.parse_args()
     if options.size is not None and options.size < 1:
         parser.error(f"--size {options.size}: give at least 1")
@@ -93,10 +97,16 @@ def main() -> None:
         looks = transplanting.collect(*(size or (100,)), transplanting.FIT_SEED)
         print(transplanting.fit([sample for seen in looks.values() for sample in seen]))
         return
-    text = as_text({"made_by": f"scripts/measure_camera.py {options.task}"} | MEASURED[options.task](*size))
+    name, how, made_by = f"{options.task}.json", {}, f"scripts/measure_camera.py {options.task}"
+    if options.task == "weeding":
+        from fieldgym.envs.weeding.perception import fit_name
+
+        how, name = {"eyes": options.eyes, "pictures": options.pictures}, fit_name(options.eyes, options.pictures)
+        made_by += "".join(f" --{word} {value}" for word, value in how.items() if value not in ("classical", "easy"))
+    text = as_text({"made_by": made_by} | MEASURED[options.task](*size, **how))
     print(text, end="")
     if options.write:
-        replace_file(FOLDER / f"{options.task}.json", text)
+        replace_file(FOLDER / name, text)
 
 
 if __name__ == "__main__":

@@ -140,7 +140,8 @@ def cut(lesson: Lesson, size: int, rng: np.random.Generator) -> tuple[NDArray[np
     inside = (lesson.kind < KINDS) & np.all((lesson.stem >= 0.0) & (lesson.stem < [wide, high]), axis=1)
     u, v = lesson.stem[rng.choice(np.flatnonzero(inside))] if inside.any() else rng.uniform([0, 0], [wide, high])
     x, y = (int(np.clip(at - rng.integers(size), 0, most - size)) for at, most in ((u, wide), (v, high)))
-    part = Lesson(lesson.rgb[y : y + size, x : x + size], lesson.owner[y : y + size, x : x + size], *lesson[2:])
+    window = np.s_[y : y + size, x : x + size]
+    part = lesson._replace(rgb=lesson.rgb[window], owner=lesson.owner[window])
     picture = coloured(part, rng) if rng.random() < 0.5 else part.rgb.astype(np.float32)
     sheet = Sheet(size // 2, size // 2, lesson.stem - [x, y], lesson.kind)
     return np.ascontiguousarray((picture.transpose(2, 0, 1) - MIDDLE) / SPREAD, np.float32), sheet
@@ -220,13 +221,14 @@ def main(
     strips: int = 40,
     pictures: Annotated[int, typer.Option(help="Of each strip.")] = 40,
     seed: Annotated[int, typer.Option(help="Of weights and cuts.")] = 0,
+    kinds: Annotated[str, typer.Option(help="Pictures: easy, field, or easy,field for both in turn.")] = "easy",
     begin: Annotated[Path | None, typer.Option(help="Begin with the weights of this file.")] = None,
 ) -> None:
     """Render, train, look, write."""
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     began = time.thread_time()
-    data = list(lessons(camera, strips, pictures))
+    data = list(lessons(camera, strips, pictures, FIRST_SEED, kinds.split(",")))
     rendered_s = time.thread_time() - began
     print(f"{len(data)} pictures in {rendered_s:.0f} s", flush=True)
     net = Net()
@@ -236,9 +238,13 @@ def main(
         net.load_state_dict({name: known[name].reshape(values.shape) for name, values in net.state_dict().items()})
     curve = train(data, SIZE_PX[camera], BATCH[camera], steps, net, np.random.default_rng(seed))
     weights = net.weights()
-    held_out = looked_at(StemNet(weights), camera, list(lessons(camera, 6, 10, CHOICE_SEED)))
+    held_out = {
+        kind: looked_at(StemNet(weights), camera, list(lessons(camera, 6, 10, CHOICE_SEED, kind)))
+        for kind in ("easy", "field")
+    }
     card = {
-        "made_by": f"scripts/train_weed_eyes.py {camera} --steps {steps} --strips {strips} --pictures {pictures}",
+        "made_by": f"scripts/train_weed_eyes.py {camera} --steps {steps} --strips {strips} --pictures {pictures} "
+        f"--kinds {kinds}" + ("" if begin is None else f" --begin {begin.name}"),
         "numbers": int(sum(values.size for values in weights.values())),
         "training_strips": [FIRST_SEED, FIRST_SEED + strips - 1],
         "pictures": len(data),

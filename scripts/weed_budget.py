@@ -1,10 +1,12 @@
 """Where the weeders' cameras lose kills: what would be won if only one of their faults were gone.
 
-    python scripts/weed_budget.py [--eyes classical --eyes learned] [--fields 20] [--scenario load-1.0] [--policy edf]
+    python scripts/weed_budget.py [--eyes classical --eyes learned] [--pictures easy] [--fields 20]
+        [--scenario load-1.0] [--policy edf] [--played]
 
 Both cameras look at rendered strips that nothing was trained, fitted or chosen on. Every weed is put into one category;
 then the tracks are handed to the rules as reports of a field, as they are and with one category after the other put
-right, and a policy works on each. Differences are paired by field.
+right, and a policy works on each. Differences are paired by field. ``--played`` also has the policy drive with the
+cameras themselves, which the reports stand for.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from rich.table import Table
 
 import fieldgym  # noqa: F401
 from fieldgym.agents import make_policy
-from fieldgym.agents.rollout import batch_decisions
+from fieldgym.agents.rollout import batch_decisions, decisions
 from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.field import Reports, WeedField
 from fieldgym.envs.weeding.tools.laser import calibration
@@ -113,17 +115,17 @@ def shown(view: WeederView, weeds: int) -> Shown:
     return Shown(most, *(touch / np.maximum(pictures, 1)))
 
 
-def look(eyes: str, scenario: str, fields: int) -> list[Strip]:
-    """Look at so many fresh fields."""
-    config = replace(WeedingConfig(), scenario=SCENARIOS[scenario], eyes=eyes)
+def look(eyes: str, pictures: str, scenario: str, fields: int, first_seed: int = FRESH_SEED) -> list[Strip]:
+    """Look at so many fields."""
+    config = replace(WeedingConfig(), scenario=SCENARIOS[scenario], eyes=eyes, pictures=pictures)
     core = laser_core(config, None)
     view = WeederView(core)
     found: list[tuple[WeedField, Seen, Shown]] = []
     for field in range(fields):
-        one = core.draw_field(np.random.default_rng(FRESH_SEED + field))
+        one = core.draw_field(np.random.default_rng(first_seed + field))
         core.load(np.zeros(1, np.int64), core.stack([one]))
         counts: dict[str, int] = Counter()
-        seen = calibration.look(config, core, view, FRESH_SEED + field, counts)
+        seen = calibration.look(config, core, view, first_seed + field, counts)
         found.append((one, seen, shown(view, len(seen.weed))))
     view.close()
     kinds = np.concatenate([3 * seen.kind[:, 0] + seen.kind[:, 1] for _, seen, _ in found])
@@ -203,6 +205,24 @@ def played(scenario: str, policy: str, strips: Sequence[Strip], tables: Sequence
     return Played(killed, crop, dead)
 
 
+def driven(eyes: str, pictures: str, scenario: str, policy: str, fields: int) -> Played:
+    """Let a policy drive over the same fields with the cameras themselves."""
+    env: Any = gym.make(
+        "fieldgym/LaserWeeding-v0", scenario=scenario, backend="analytic", perception="camera", eyes=eyes,
+        pictures=pictures,
+    )  # fmt: skip
+    chosen = make_policy(policy, env, seed=1)
+    killed, crop = np.zeros(fields), np.zeros(fields)
+    for field in range(fields):
+        observation, _ = env.reset(seed=FRESH_SEED + field)
+        card = {}
+        for decision in decisions(env, chosen, observation):
+            card = decision.info["scorecard"]
+        killed[field], crop[field] = 100.0 * card["net_rate"], card["crop_loss_percent"]
+    env.close()
+    return Played(killed, crop, [])
+
+
 def figures(strips: Sequence[Strip]) -> dict[str, float]:
     """Tracks against weeds."""
     weeds, tracked = sum(len(s.pair) for s in strips), sum(int((s.pair >= 0).sum()) for s in strips)
@@ -275,20 +295,39 @@ def budget(scenario: str, policy: str, strips: Sequence[Strip]) -> Table:
     return table
 
 
+def bootstrapped(differences: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Mean of differences (n,) and its 95 % interval over resampled fields."""
+    rng = np.random.default_rng(0)
+    means = differences[rng.integers(0, len(differences), (2000, len(differences)))].mean(axis=1)
+    return float(differences.mean()), np.percentile(means, [2.5, 97.5])
+
+
 def main(
     eyes: Annotated[list[str] | None, typer.Option(help="classical, learned; may be repeated.")] = None,
+    pictures: Annotated[str, typer.Option(help="easy or field.")] = "easy",
     fields: int = 20,
     scenario: str = "load-1.0",
     policy: str = "edf",
+    drive: Annotated[bool, typer.Option("--played", help="Also drive with the cameras themselves.")] = False,
 ) -> None:
     """Look, sort out, play."""
     console = Console(width=120)
+    first: NDArray[np.float64] | None = None
     for name in eyes or ["classical", "learned"]:
-        strips = look(name, scenario, fields)
-        console.print(f"[bold]{name} eyes, {scenario}, {policy}, {fields} fields from {FRESH_SEED}[/bold]")
+        strips = look(name, pictures, scenario, fields)
+        console.print(f"[bold]{name} eyes, {pictures} pictures, {scenario}, {policy}, {fields} fields[/bold]")
         console.print("  ".join(f"{key} {value:.3f}" for key, value in figures(strips).items()))
         console.print(by_kind(strips))
         console.print(budget(scenario, policy, strips))
+        if drive:
+            got = driven(name, pictures, scenario, policy, fields)
+            first = got.killed if first is None else first
+            gap, ends = bootstrapped(got.killed - first)
+            console.print(
+                f"through the cameras themselves: {got.killed.mean():.1f} +- "
+                f"{got.killed.std(ddof=1) / np.sqrt(fields):.1f} % killed, crop loss {got.crop.mean():.2f} %; "
+                f"{gap:+.1f} [{ends[0]:.1f}, {ends[1]:.1f}] points against the first eyes"
+            )
 
 
 if __name__ == "__main__":

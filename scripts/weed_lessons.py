@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldgym.envs.weeding.config import SCENARIOS
-from fieldgym.envs.weeding.eyes import TOOL_SMALLER
+from fieldgym.envs.weeding.eyes import TOOL_SMALLER, smaller
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
 from fieldgym.envs.weeding.tools.laser.view import WeederView
-from fieldgym.perception.frames import CameraPose
+from fieldgym.perception.frames import CameraPose, Frame
 from fieldgym.perception.stems import KINDS, StemSettings
 from fieldgym.perception.weeds import WeedSettings
 
@@ -42,15 +41,26 @@ class Lesson(NamedTuple):
         owner: (h, w) uint8, 0 ground and litter, else the plant that a pixel shows, numbered within the picture.
         stem: (n, 2), columns and rows of the stems that are asked for.
         kind: (n,), ``3 species + stage`` of a weed, 6 of a crop plant.
+        size_px: (n,), pixels that show of each.
+        camera: where the picture was taken from.
     """
 
     rgb: NDArray[np.uint8]
     owner: NDArray[np.uint8]
     stem: NDArray[np.float64]
     kind: NDArray[np.int64]
+    size_px: NDArray[np.int64]
+    camera: CameraPose
+
+    @property
+    def frame(self) -> Frame:
+        """The picture as detectors take it."""
+        return Frame(self.rgb, np.zeros((0, 0), np.float32), self.camera)
 
 
-def lessons(camera: str, strips: int, pictures: int, first_seed: int = FIRST_SEED) -> Iterator[Lesson]:
+def lessons(
+    camera: str, strips: int, pictures: int, first_seed: int = FIRST_SEED, kinds: str | Sequence[str] = "easy"
+) -> Iterator[Lesson]:
     """So many pictures of each of so many strips.
 
     Args:
@@ -58,13 +68,16 @@ def lessons(camera: str, strips: int, pictures: int, first_seed: int = FIRST_SEE
         strips: so many.
         pictures: of each strip.
         first_seed: of the strips.
+        kinds: of pictures, see ``FieldTask.pictures``; of several each tier's strips take turns.
     """
-    views: dict[str, WeederView] = {}
+    views: dict[tuple[str, str], WeederView] = {}
+    kinds = (kinds,) if isinstance(kinds, str) else tuple(kinds)
     for strip in range(strips):
-        tier, rng = TIERS[strip % len(TIERS)], np.random.default_rng(first_seed + strip)
-        if tier not in views:
-            views[tier] = WeederView(laser_core(replace(WeedingConfig(), scenario=SCENARIOS[tier]), None))
-        view = views[tier]
+        tier, kind = TIERS[strip % len(TIERS)], kinds[strip // len(TIERS) % len(kinds)]
+        if (tier, kind) not in views:
+            config = replace(WeedingConfig(), scenario=SCENARIOS[tier], pictures=kind)
+            views[tier, kind] = WeederView(laser_core(config, None))
+        view, rng = views[tier, kind], np.random.default_rng(first_seed + strip)
         view.core.reset_rows(np.zeros(1, np.int64), [rng])
         view.show_strip(view.camera_scene())
         yield from (_front if camera == "front" else _tool)(view, pictures, rng)
@@ -123,13 +136,12 @@ def _lesson(scene: Any, camera: Any, eye: Any, target: Any, truth: _Truth, least
     near = np.hypot(*(truth.place - target[:2]).T) < _NEAR_M
     asked = near & ((seen >= least_px) | (truth.kind == KINDS))
     pixel = projected(truth.stem[asked], look.frame.camera)
-    rgb, numbers = look.frame.rgb, np.unique(identity[identity >= 0])
+    rgb, pose, numbers = look.frame.rgb, look.frame.camera, np.unique(identity[identity >= 0])
     owner = np.where(identity >= 0, np.searchsorted(numbers, identity) % 255 + 1, 0).astype(np.uint8)
     if times > 1:
-        high, wide = owner.shape
-        rgb = np.asarray(cv2.resize(rgb, (wide // times, high // times), interpolation=cv2.INTER_AREA), np.uint8)
+        rgb, _, pose = smaller(look.frame, times)
         owner, pixel = owner[::times, ::times].copy(), (pixel - 0.5 * (times - 1)) / times
-    return Lesson(rgb, owner, pixel, truth.kind[asked])
+    return Lesson(rgb, owner, pixel, truth.kind[asked], seen[asked], pose)
 
 
 def projected(places: NDArray[np.float64], camera: CameraPose) -> NDArray[np.float64]:

@@ -133,10 +133,10 @@ class PerceptionModel(Config):
         )
 
     @classmethod
-    @lru_cache(maxsize=1)
-    def measured(cls) -> PerceptionModel:
-        """The fit to rendered images that ships with the package [identified]."""
-        return cls.from_json(json.loads(asset_text("perception/weeding.json"))["model"])
+    @lru_cache(maxsize=4)
+    def measured(cls, eyes: str = "classical", pictures: str = "easy") -> PerceptionModel:
+        """The fit to rendered images that ships with the package [identified], see ``FieldTask.eyes``."""
+        return cls.from_json(json.loads(asset_text(f"perception/{fit_name(eyes, pictures)}"))["model"])
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> PerceptionModel:
@@ -144,7 +144,12 @@ class PerceptionModel(Config):
         return from_mapping(cls, data)
 
 
-@lru_cache(maxsize=1)
+def fit_name(eyes: str, pictures: str) -> str:
+    """File of the fit of these eyes to these pictures."""
+    return ".".join(["weeding", *(part for part in (eyes, pictures) if part not in ("classical", "easy")), "json"])
+
+
+@lru_cache(maxsize=4)
 def uncorrected(model: PerceptionModel) -> PerceptionModel:
     """The model of the same cameras where none looks from beside the tool: it works where the tracks say."""
 

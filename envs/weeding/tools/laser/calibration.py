@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .....kernels.seeds import CAMERAS
+from ....core import Array
 from ....pairing import nearest_pairs
 from ...config import SCENARIOS
 from ...gaps import LOOKED_AT, crop_gaps, weed_gaps
@@ -46,6 +47,7 @@ class Strips(NamedTuple):
         false: per class of false tracks, their sightings.
         crops: crop plants.
         area_m2: treated area.
+        drift_share: what the odometry errs by, of the way; what the eyes teach it is taken off.
         counts: pictures, true weeds, plants and hits in single pictures, crop plants taken for weeds.
     """
 
@@ -55,6 +57,7 @@ class Strips(NamedTuple):
     false: list[list[tuple[float, ...]]]
     crops: int
     area_m2: float
+    drift_share: Array
     counts: dict[str, int]
 
 
@@ -84,16 +87,16 @@ class Seen(NamedTuple):
     confirmed_m: np.ndarray
 
 
-def measure(tier: str, strips: int, eyes: str = "classical", first_seed: int = FIRST_SEED) -> Strips:
-    """Drive over the strips of a tier with eyes, see ``FieldTask.eyes``."""
-    config = replace(WeedingConfig(), scenario=SCENARIOS[tier], eyes=eyes)
+def measure(tier: str, strips: int, eyes: str = "classical", pictures: str = "easy") -> Strips:
+    """Drive over the strips of a tier with such eyes, past such pictures; see ``FieldTask``."""
+    config = replace(WeedingConfig(), scenario=SCENARIOS[tier], eyes=eyes, pictures=pictures)
     core = laser_core(config, None)
     view = WeederView(core)
     counts: dict[str, int] = dict.fromkeys(("pictures", "truth", "plants", "hits", "crop_as_weed"), 0)
     all_seen = []
     for strip in range(strips):
-        core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(first_seed + strip)])
-        all_seen.append(look(config, core, view, first_seed + strip, counts))
+        core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(FIRST_SEED + strip)])
+        all_seen.append(look(config, core, view, FIRST_SEED + strip, counts))
     view.close()
     return join(config, all_seen, counts)
 
@@ -159,7 +162,8 @@ def join(config: WeedingConfig, all_seen: list[Seen], counts: dict[str, int]) ->
             counts["crop_as_weed"] += int(to_crop.min() < CROP_AS_WEED_M)
         crops += int(np.count_nonzero((s.crop[:, 0] >= 0.0) & (s.crop[:, 0] <= scenario.strip_m)))
     area = len(all_seen) * scenario.strip_m * scenario.band_m
-    return Strips(np.concatenate(weeds), np.array(sightings), np.array(after), false, crops, area, counts)
+    drift = np.concatenate([s.told[:, 0] - s.place[:, 0] for s in all_seen]) / config.cart.unseen_m
+    return Strips(np.concatenate(weeds), np.array(sightings), np.array(after), false, crops, area, drift, counts)
 
 
 def sighting(seen: Seen, i: int, owner: np.ndarray) -> tuple[float, ...]:
@@ -200,8 +204,11 @@ def same_plant(i: int, others: Any, told: np.ndarray, aim: np.ndarray) -> bool:
     return bool(len(main)) and bool(min(ahead.min(), behind.min()) <= SAME_M)
 
 
-def fit(parts: list[Strips]) -> dict[str, Any]:
-    """The statistical model's numbers from the strips of all tiers."""
+def fit(parts: list[Strips], calibrated: bool = False) -> dict[str, Any]:
+    """The statistical model's numbers from the strips of all tiers.
+
+    The odometry's error is assumed, but where it is ``calibrated`` by the tool camera: then it is what that has left.
+    """
     weeds, rows = (np.concatenate([getattr(p, name) for p in parts]) for name in ("weeds", "sightings"))
     species, stage, found = weeds[:, 0].astype(int), weeds[:, 1].astype(int), np.isfinite(rows[:, 0])
     kind = 3 * species + stage
@@ -212,6 +219,7 @@ def fit(parts: list[Strips]) -> dict[str, Any]:
     totals = [sum(len(p.false[c]) for p in parts) for c in range(3)]
     per = len(weeds), sum(p.crops for p in parts), sum(p.area_m2 for p in parts)
     after = np.concatenate([p.after_m for p in parts])
+    left = float(np.sqrt(np.mean(np.concatenate([p.drift_share for p in parts]) ** 2)))
     return {
         "recall": [[round(float(v), 4) for v in recall[3 * s : 3 * s + 3]] for s in (0, 1)],
         "crop_gap_m": list(CROP_GAP_M),
@@ -224,7 +232,7 @@ def fit(parts: list[Strips]) -> dict[str, Any]:
         "false_sightings": [
             kept(np.array([row for p in parts for row in p.false[c]]).reshape(-1, 7)) for c in range(3)
         ],
-        "drift_share": DRIFT_SHARE,
+        "drift_share": round(left, 5) if calibrated else DRIFT_SHARE,
         "delay_s": DELAY_S,
         "frames_m": round(float(np.nanmedian(after)), 3),
     }
