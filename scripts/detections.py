@@ -72,7 +72,7 @@ def aims(pictures: int) -> Found:
     weed = _weeds(view)
     weed = weed[np.linspace(0, len(weed) - 1, pictures).astype(int)]
     told = weed + np.random.default_rng(0).normal(0.0, _TOLD_SIGMA_M, weed.shape)
-    aimed = [(view.tool_aim(there), truth) for there, truth in zip(told, weed, strict=True)]
+    aimed = [(view.tool_aim(there, _TOLD_SIGMA_M), truth) for there, truth in zip(told, weed, strict=True)]
     error_m = np.array([np.hypot(*(aim - truth)) for aim, truth in aimed if aim is not None])
     near = error_m[error_m <= weeding.MATCH_M]
     return Found(pictures, len(weed), len(near), len(error_m) - len(near), 1e3 * float(near.mean()))

@@ -197,10 +197,10 @@ def test_the_learned_tool_camera_aims_at_the_stem_it_was_sent_to(scene):
     for x, y, species, stage in KINDS:
         told = np.array([x + 0.007, y - 0.002])
         centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
-        seen = eyes.tool(scene.look_tool(centre, told), told)
+        seen = eyes.tool(scene.look_tool(centre, told), told, 0.008)
         assert seen is not None and np.hypot(*(seen - [x, y])) < 0.002, (species, stage)
     away = np.array([0.05, 0.0])
-    assert eyes.tool(scene.look_tool(np.array([0.03, 0.0, 0.87]), away), away) is None
+    assert eyes.tool(scene.look_tool(np.array([0.03, 0.0, 0.87]), away), away, 0.008) is None
 
 
 def test_of_two_stems_the_tool_camera_takes_the_nearer_unless_it_is_unlikely():
@@ -215,9 +215,9 @@ def test_of_two_stems_the_tool_camera_takes_the_nearer_unless_it_is_unlikely():
     place = {at: on_plane(4.0 * np.array([at]) + [1.2 + 1.5, -1.6 + 1.5], *camera, 0.006)[0] for at in (near, far)}
     told = 0.8 * place[near] + 0.2 * place[far]
     answers = painted((*near, 1.0, 3), (*far, 2.0, 3))
-    assert eyes.tool(frame, told) == pytest.approx(place[near], abs=1e-4)
+    assert eyes.tool(frame, told, 0.008) == pytest.approx(place[near], abs=1e-4)
     answers = painted((*near, -1.5, 3), (*far, 4.0, 3))
-    assert eyes.tool(frame, told) == pytest.approx(place[far], abs=1e-4)
+    assert eyes.tool(frame, told, 0.008) == pytest.approx(place[far], abs=1e-4)
 
 
 def test_the_odometry_learns_from_what_the_tool_camera_sees():

@@ -61,7 +61,7 @@ def test_the_tool_camera_sees_plants_from_where_the_tool_is(scene, cart):
     told, at = np.array([carrier + lean, across]), np.array(lands(surface, SHAPE, cart, carrier, lean, across))
     show(scene, [at + np.array([0.006, -0.004])], Standing(surface, SHAPE))
     eye = np.array([carrier, 0.0, CONFIG.reach.target_height_m + CONFIG.reach.gap_m])
-    seen = ClassicalEyes().tool(scene.look_tool(eye, told, cart), told)
+    seen = ClassicalEyes().tool(scene.look_tool(eye, told, cart), told, 0.008)
     assert seen is not None and np.hypot(*(seen - told - np.array([0.006, -0.004]))) < 0.003
     # From where it was told to be it would have seen the plant elsewhere.
     scene.standing = None

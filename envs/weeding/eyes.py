@@ -20,8 +20,6 @@ TOOL_SETTINGS = WeedSettings(close_m=0.0012, whole=False)
 """Of the classical detector behind the tool camera, whose view is not much larger than the largest weed."""
 TOOL_SMALLER = 2
 """The network looks at the tool camera's picture in this part of its size."""
-_BESIDE_M = 0.008
-"""What the tool camera is told errs by about this; the stem that is likeliest and nearest to it counts."""
 
 
 class Eyes(Protocol):
@@ -39,8 +37,14 @@ class Eyes(Protocol):
         """Plants in a picture of the front camera."""
         ...
 
-    def tool(self, frame: Frame, told: Array) -> Array | None:
-        """The plant (2,) in a tool camera's picture that it was sent to, ``told`` (2,); None where none is near."""
+    def tool(self, frame: Frame, told: Array, off_m: float) -> Array | None:
+        """The plant (2,) in a tool camera's picture that it was sent to; None where none is near.
+
+        Args:
+            frame: the picture.
+            told: (2,), where the plant should be.
+            off_m: deviation of that from where it is.
+        """
         ...
 
 
@@ -53,8 +57,8 @@ class ClassicalEyes:
         """See ``Eyes``."""
         return weeds.detect(frame, rows)
 
-    def tool(self, frame: Frame, told: Array) -> Array | None:
-        """See ``Eyes``."""
+    def tool(self, frame: Frame, told: Array, off_m: float) -> Array | None:
+        """See ``Eyes``; the nearest one, however far off it may be."""
         found = weeds.detect(frame, settings=TOOL_SETTINGS)
         return _chosen(found.position, told, np.hypot(*(found.position - told).T))
 
@@ -73,12 +77,12 @@ class LearnedEyes:
         """See ``Eyes``."""
         return stems.detect(self._front, frame, rows, self._front_settings)
 
-    def tool(self, frame: Frame, told: Array) -> Array | None:
-        """See ``Eyes``."""
+    def tool(self, frame: Frame, told: Array, off_m: float) -> Array | None:
+        """See ``Eyes``; the likeliest one, by how sure it is and how far off."""
         found = stems.detect(self._tool, smaller(frame, TOOL_SMALLER), settings=self._tool_settings)
         weed = ~found.crop
         place, gap_m = found.position[weed], np.hypot(*(found.position[weed] - told).T)
-        return _chosen(place, told, 0.5 * (gap_m / _BESIDE_M) ** 2 - np.log(found.score[weed]))
+        return _chosen(place, told, 0.5 * (gap_m / off_m) ** 2 - np.log(found.score[weed]))
 
 
 def smaller(frame: Frame, times: int) -> Frame:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...kernels.elementary import exp
 from ...rendering.instances import about_z
 from ...rendering.library import MeshLibrary
 from ...rendering.shapes import Mesh, flat_shaded
@@ -201,7 +202,7 @@ class Nursery:
         return _joined([self._plant(plant, self._crop, 0, rng) for plant, rng in enumerate(rngs)])
 
     def _plant(self, plant: int, growth: Growth, stage: int, rng: np.random.Generator) -> Foliage:
-        size, tone = np.exp(_SIZE * rng.standard_normal()), np.exp(_COLOUR * rng.standard_normal(3))
+        size, tone = exp(_SIZE * rng.standard_normal()), exp(_COLOUR * rng.standard_normal(3))
         fewest, most = growth.leaves[stage]
         later, start = int(rng.integers(fewest, most + 1)), rng.uniform(0.0, 2.0 * np.pi)
         seed_leaves = 2 if growth.seed_leaf else 0
@@ -213,8 +214,8 @@ class Nursery:
         # Younger leaves, further in, are shorter and stand more upright.
         length = np.where(is_seed, growth.seed_leaf_m[0], long_m * (1.0 - 0.45 * age * (later > 2)))
         width = np.where(is_seed, growth.seed_leaf_m[1], wide_m * (1.0 - 0.35 * age * (later > 2)))
-        length *= size * np.exp(_LEAF_SIZE * rng.standard_normal(n))
-        width *= size * np.exp(_LEAF_SIZE * rng.standard_normal(n))
+        length *= size * exp(_LEAF_SIZE * rng.standard_normal(n))
+        width *= size * exp(_LEAF_SIZE * rng.standard_normal(n))
         around = np.where(
             is_seed, np.pi * order, 0.5 * np.pi * (seed_leaves > 0) + growth.turn_rad * (order - seed_leaves)
         )
@@ -228,7 +229,7 @@ class Nursery:
         rise = np.where(is_seed, 0.25 * length, rise)
         height = np.where(is_seed, 0.004, 0.005 + 0.006 * np.clip(age, 0.0, 1.0)) * size
         turn = about_z(around) * np.stack([length, width, rise], axis=-1)[:, None, :]
-        colour = np.array(growth.colour) * tone * np.exp(_LEAF_COLOUR * rng.standard_normal((n, 3)))
+        colour = np.array(growth.colour) * tone * exp(_LEAF_COLOUR * rng.standard_normal((n, 3)))
         withered = (rng.random(n) < _OLD)[:, None] * rng.uniform(0.3, 0.8, (n, 1))
         colour = np.clip((1.0 - withered) * colour + withered * np.array(_WITHERED), 0.0, 1.0)
         meshes = [self._mesh[growth.seed_leaf if seed else growth.leaf] for seed in is_seed.tolist()]

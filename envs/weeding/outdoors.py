@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...kernels.elementary import exp
 from ...rendering.instances import Instances, about_z, instances
 from ...rendering.library import MeshLibrary
 from ...rendering.optics import Optics
@@ -85,7 +86,7 @@ def day_of(look: float) -> Day:
     warm = rng.uniform(0.0, 0.12)
     light = Light(towards, ambient, diffuse, 0.03, np.array([1.0 + 0.3 * warm, 1.0, 1.0 - warm]))
     names = sorted(SOILS)
-    base = np.array(SOILS[names[int(rng.integers(len(names)))]]) * np.exp(0.06 * rng.standard_normal(3))
+    base = np.array(SOILS[names[int(rng.integers(len(names)))]]) * exp(0.06 * rng.standard_normal(3))
     turn = rng.uniform(0.0, 2.0 * np.pi)
     soil = Soil(
         base,
@@ -97,7 +98,7 @@ def day_of(look: float) -> Day:
     )
     shaded = not cloudy and rng.random() < _TREES
     level = ambient + diffuse * towards[2] * (0.6 if shaded else 1.0)
-    exposure = _MEAN_LIGHT / (base.mean() * level * (1.0 - 0.5 * soil.patch)) * np.exp(0.15 * rng.standard_normal())
+    exposure = _MEAN_LIGHT / (base.mean() * level * (1.0 - 0.5 * soil.patch)) * exp(0.15 * rng.standard_normal())
     return Day(
         light,
         float(rng.uniform(0.05, 0.30)),
@@ -105,7 +106,7 @@ def day_of(look: float) -> Day:
         np.array([rng.uniform(0.0, 2.0 * np.pi), rng.uniform(-0.12, 0.12), rng.uniform(0.0, 0.08)]),
         float(rng.uniform(0.05, 0.30)) if shaded else 1.0,
         float(rng.uniform(0.003, 0.025)),
-        exposure * np.exp(0.04 * rng.standard_normal(3)),
+        exposure * exp(0.04 * rng.standard_normal(3)),
         float(rng.uniform(0.45, 0.80)),
         float(rng.uniform(0.003, 0.008) if cloudy else rng.uniform(0.001, 0.003)),
         float(rng.uniform(1.5, 3.5)),
@@ -159,10 +160,8 @@ class Litter:
                     continue
                 at = np.column_stack([metre + rng.random(n), rng.uniform(-half_m, half_m, n), np.zeros(n)])
                 size = small_m * (large_m / small_m) ** rng.random(n)
-                scale = size[:, None] * np.array(form) * np.exp(0.2 * rng.standard_normal((n, 3)))
+                scale = size[:, None] * np.array(form) * exp(0.2 * rng.standard_normal((n, 3)))
                 turn = about_z(rng.uniform(0.0, 2.0 * np.pi, n)) * scale[:, None, :]
-                tone = np.array(colour) * np.exp(
-                    0.12 * rng.standard_normal((n, 1)) + 0.05 * rng.standard_normal((n, 3))
-                )
+                tone = np.array(colour) * exp(0.12 * rng.standard_normal((n, 1)) + 0.05 * rng.standard_normal((n, 3)))
                 at[:, 2] = 0.25 * scale[:, 2]
                 yield instances(mesh, at, turn, np.clip(tone, 0.0, 1.0))

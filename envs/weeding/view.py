@@ -32,6 +32,8 @@ DRIFT_SHARE = 0.01
 """Standard deviation of the odometry's scale [published range 1-2 % of the distance]."""
 _HEEDED = 15
 """The odometry is corrected by the median of so many of the tool camera's last looks."""
+_OFF_M, _SETTLED, _OFF_SETTLED_M = 0.008, 4, 0.004
+"""What the tool camera is told is off by about this, and by less from so many looks on [identified]."""
 
 _NONE = -1
 """No episode."""
@@ -73,6 +75,11 @@ class FrontCamera:
         standing = self._scene.standing
         slipped_m = 0.0 if standing is None else standing.slipped_m(last_m, cart_m)
         return track_place + np.array([(self._drift - self._known) * (cart_m - last_m) + slipped_m, 0.0])
+
+    @property
+    def off_m(self) -> float:
+        """How far ``place`` is off."""
+        return _OFF_M if len(self._slips) < _SETTLED else _OFF_SETTLED_M
 
     def heed(self, last_m: float, cart_m: float, told: Array, seen: Array) -> None:
         """Learn from where the tool camera sees a plant by how much of its way the odometry errs."""
@@ -187,6 +194,11 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
         if self._front is not None:
             track = self._front.tracker.tracks[self._listed[index]]
             self._front.heed(track.last_m, float(self.core.state.cart[0]), told, seen)
+
+    @property
+    def off_m(self) -> float:
+        """How far the odometry puts plants off when they are under the tool."""
+        return _OFF_M if self._front is None else self._front.off_m
 
     def treat_near(self, place: Array) -> None:
         """A plant that fell apart in the front camera's pictures has several tracks: one treatment is for them all."""

@@ -119,7 +119,7 @@ def look(config: WeedingConfig, core: Any, view: WeederView, seed: int, counts: 
     told, aim, found = np.empty_like(place), np.empty_like(place), np.zeros(len(place))
     for i in np.argsort(place[:, 0], kind="stable"):
         told[i] = front.place(place[i], 0.0, config.cart.unseen_m)
-        seen = view.tool_aim(told[i])
+        seen = view.tool_aim(told[i], front.off_m)
         aim[i], found[i] = (told[i], 0.0) if seen is None else (seen, 1.0)
         if seen is not None:
             front.heed(0.0, config.cart.unseen_m, told[i], seen)

@@ -53,17 +53,17 @@ class WeederView(FieldView[WeederScene]):
             self._look_after(index, action)
             return
         told = self.core.state.track_report[0, index]
-        aim = self.tool_aim(told)
+        aim = self.tool_aim(told, self.off_m)
         if aim is not None:
             self.heed(index, told, aim)
             self.core.correct(0, index, aim)
             self.treat_near(aim)
 
-    def tool_aim(self, told: Array) -> Array | None:
-        """Where the tool camera sees the plant that it was sent to, (2,), or None."""
+    def tool_aim(self, told: Array, off_m: float) -> Array | None:
+        """Where the tool camera sees the plant that it was sent to, (2,), or None; ``told`` is that far off."""
         reach = self._config.aim
         centre = np.array([told[0] - 0.02, 0.0, reach.target_height_m + reach.gap_m])
-        return self.eyes.tool(self.camera_scene().look_tool(centre, told), told)
+        return self.eyes.tool(self.camera_scene().look_tool(centre, told), told, off_m)
 
     def _look_after(self, index: int, action: int) -> None:
         """Look at where an action has brought the tool, from where the tool then is; the rules take what is seen.
@@ -83,7 +83,7 @@ class WeederView(FieldView[WeederScene]):
         cart, (carrier, lean, across) = float(plan.cart[0]) + way, plan.target[0].tolist()
         told, reach = np.array([carrier + lean, across]), self._config.aim
         eye = np.array([carrier, 0.0, reach.target_height_m + reach.gap_m])
-        seen = self.eyes.tool(self.camera_scene().look_tool(eye, told, cart), told)
+        seen = self.eyes.tool(self.camera_scene().look_tool(eye, told, cart), told, self.off_m)
         if seen is not None:
             core.correct(
                 0, index, lands(state.surface[0], core.tables.shape, cart, carrier, lean, across) + seen - told
