@@ -341,15 +341,15 @@ def main(
             gap, ends = bootstrapped(got.killed - first)
             error = got.killed.std(ddof=1) / np.sqrt(fields)
             console.print(
-                f"the cameras themselves kill {got.killed.mean():.1f} +- {error:.1f} %, crop loss {got.crop.mean():.2f} "
-                f"%; {gap:+.1f} [{ends[0]:.1f}, {ends[1]:.1f}] points against the first eyes"
+                f"the cameras themselves kill {got.killed.mean():.1f} +- {error:.1f} %, crop loss {got.crop.mean():.2f}; "
+                f"{gap:+.1f} [{ends[0]:.1f}, {ends[1]:.1f}] points against the first eyes"
             )
             draws = [
                 played(scenario, policy, bare, seed, eyes=name, pictures=pictures).killed for seed in range(MODEL_DRAWS)
             ]
             gap, ends = bootstrapped(np.mean(draws, axis=0) - got.killed)
             console.print(
-                f"the model fitted to them kills {np.mean(draws):.1f} %: {gap:+.1f} [{ends[0]:.1f}, {ends[1]:.1f}] points"
+                f"their fitted model kills {np.mean(draws):.1f} %: {gap:+.1f} [{ends[0]:.1f}, {ends[1]:.1f}] points"
             )
 
 
