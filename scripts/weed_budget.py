@@ -341,7 +341,7 @@ def main(
             gap, ends = bootstrapped(got.killed - first)
             error = got.killed.std(ddof=1) / np.sqrt(fields)
             console.print(
-                f"the cameras themselves kill {got.killed.mean():.1f} +- {error:.1f} %, crop loss {got.crop.mean():.2f}; "
+                f"the cameras kill {got.killed.mean():.1f} +- {error:.1f} %, crop loss {got.crop.mean():.2f} %; "
                 f"{gap:+.1f} [{ends[0]:.1f}, {ends[1]:.1f}] points against the first eyes"
             )
             draws = [
