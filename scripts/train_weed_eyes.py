@@ -40,11 +40,11 @@ from fieldgym.perception.stems import (
     StemSettings,
     stems_in,
 )
-from fieldgym.scripts.weed_lessons import CHOICE_SEED, FIRST_SEED, Lesson, lessons
+from fieldgym.scripts.weed_lessons import CHOICE_SEED, FIRST_SEED, Lesson, lessons, one_of
 
-SIZE_PX = {"front": 192, "tool": 120}
-"""Sides of what is cut out of a picture; the tool camera's is taken as a whole."""
-BATCH = {"front": 6, "tool": 12}
+SIZE_PX = {"front": 160, "tool": 88}
+"""Sides of what is cut out of a picture."""
+BATCH = {"front": 5, "tool": 12}
 COLOUR, SOIL_COLOUR = 0.12, 0.05
 """Deviation of the factors (as logarithms) on the three colours of a plant and of the ground, in half of the cuts."""
 _SIGMA_CELLS = {WEED: 1.0, CROP: 1.5}
@@ -138,7 +138,7 @@ def cut(lesson: Lesson, size: int, rng: np.random.Generator) -> tuple[NDArray[np
     """A part of a picture, (3, size, size) as the network takes it, with a weed in it where there is one."""
     high, wide, _ = lesson.rgb.shape
     inside = (lesson.kind < KINDS) & np.all((lesson.stem >= 0.0) & (lesson.stem < [wide, high]), axis=1)
-    u, v = lesson.stem[rng.choice(np.flatnonzero(inside))] if inside.any() else rng.uniform([0, 0], [wide, high])
+    u, v = lesson.stem[one_of(lesson.kind, inside, rng)] if inside.any() else rng.uniform([0, 0], [wide, high])
     x, y = (int(np.clip(at - rng.integers(size), 0, most - size)) for at, most in ((u, wide), (v, high)))
     window = np.s_[y : y + size, x : x + size]
     part = lesson._replace(rgb=lesson.rgb[window], owner=lesson.owner[window])

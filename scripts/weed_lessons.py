@@ -101,13 +101,19 @@ def _tool(view: WeederView, pictures: int, rng: np.random.Generator) -> Iterator
         if rng.random() < _ANYWHERE or not weeds:
             told = rng.uniform([0.0, -0.5], [1.0, 0.5]) * [config.scenario.strip_m, config.scenario.band_m]
         else:
-            told = truth.place[rng.integers(weeds)] + rng.normal(0.0, _TOLD_M, 2)
+            told = truth.place[one_of(truth.kind, truth.kind < KINDS, rng)] + rng.normal(0.0, _TOLD_M, 2)
             told[0] += rng.uniform(-_TOLD_ALONG_M, _TOLD_ALONG_M)
         # The platform stands from the rear to the front of its window, and leans the rest of the way.
         eye = np.array([told[0] + rng.uniform(-0.06, 0.02), 0.0, reach.target_height_m + reach.gap_m])
         scene.plant_around(float(eye[0]))
         target = np.array([*told, reach.target_height_m])
         yield _lesson(scene, scene.tool, eye, target, truth, TOOL_SEEN_PX, TOOL_SMALLER)
+
+
+def one_of(kind: NDArray[np.int64], chosen: NDArray[np.bool_], rng: np.random.Generator) -> int:
+    """Number of one of the chosen plants (n,), every kind that is among them as often as the others."""
+    there = np.unique(kind[chosen])
+    return int(rng.choice(np.flatnonzero(chosen & (kind == rng.choice(there)))))
 
 
 class _Truth(NamedTuple):
