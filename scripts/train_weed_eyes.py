@@ -167,8 +167,9 @@ def loss_of(answers: Tensor, sheets: Sequence[Sheet]) -> Tensor:
     return loss
 
 
-def train(data: Sequence[Lesson], size: int, batch: int, steps: int, net: Net, rng: np.random.Generator) -> list[float]:
-    """So many steps; gives the mean loss of every tenth of them."""
+def train(data: Sequence[Lesson], camera: str, steps: int, net: Net, seed: int, keep: Path) -> list[float]:
+    """So many steps; gives the mean loss of every tenth of them, after which the weights are kept each time."""
+    size, batch, rng = SIZE_PX[camera], BATCH[camera], np.random.default_rng(seed)
     optimiser = torch.optim.Adam(net.parameters(), _RATE)
     losses, began = [], time.thread_time()
     for step in range(steps):
@@ -185,7 +186,16 @@ def train(data: Sequence[Lesson], size: int, batch: int, steps: int, net: Net, r
         if (step + 1) % max(steps // 10, 1) == 0:
             spent = time.thread_time() - began
             print(f"{step + 1:6d} {spent:6.0f} s  loss {np.mean(losses[-max(steps // 10, 1) :]):.3f}", flush=True)
+            write(keep, net.weights())
     return [float(np.mean(part)) for part in np.array_split(losses, 10) if len(part)]
+
+
+def write(path: Path, weights: dict[str, NDArray[np.float32]]) -> None:
+    """Keep plain arrays in a file, ``.npz``."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **weights)  # type: ignore[arg-type]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(path, buffer.getvalue())
 
 
 def looked_at(net: StemNet, camera: str, data: Sequence[Lesson]) -> dict[str, Any]:
@@ -236,7 +246,8 @@ def main(
         with np.load(begin, allow_pickle=False) as arrays:
             known = {name: torch.from_numpy(arrays[name]) for name in list(arrays)}
         net.load_state_dict({name: known[name].reshape(values.shape) for name, values in net.state_dict().items()})
-    curve = train(data, SIZE_PX[camera], BATCH[camera], steps, net, np.random.default_rng(seed))
+    target = out / f"weed-eyes.{camera}.npz"
+    curve = train(data, camera, steps, net, seed, target)
     weights = net.weights()
     held_out = {
         kind: looked_at(StemNet(weights), camera, list(lessons(camera, 6, 10, CHOICE_SEED, kind)))
@@ -254,11 +265,7 @@ def main(
         "held_out_strips": [CHOICE_SEED, CHOICE_SEED + 5],
         "held_out": held_out,
     }
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **weights)  # type: ignore[arg-type]
-    out.mkdir(parents=True, exist_ok=True)
-    replace_file(out / f"weed-eyes.{camera}.npz", buffer.getvalue())
-    replace_file(out / f"weed-eyes.{camera}.json", json.dumps(card, indent=1) + "\n")
+    replace_file(target.with_suffix(".json"), json.dumps(card, indent=1) + "\n")
     print(json.dumps(held_out))
 
 

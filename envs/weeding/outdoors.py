@@ -83,22 +83,24 @@ def day_of(look: float) -> Day:
     ambient, diffuse = (rng.uniform(0.70, 0.85), rng.uniform(0.10, 0.25)) if cloudy else (
         rng.uniform(0.30, 0.50), rng.uniform(0.65, 0.95)
     )  # fmt: skip
-    warm = rng.uniform(0.0, 0.12)
+    warm = rng.uniform(0.0, 0.08)
     light = Light(towards, ambient, diffuse, 0.03, np.array([1.0 + 0.3 * warm, 1.0, 1.0 - warm]))
     names = sorted(SOILS)
-    base = np.array(SOILS[names[int(rng.integers(len(names)))]]) * exp(0.06 * rng.standard_normal(3))
+    base = np.array(SOILS[names[int(rng.integers(len(names)))]]) * exp(0.03 * rng.standard_normal(3))
     turn = rng.uniform(0.0, 2.0 * np.pi)
     soil = Soil(
         base,
-        float(rng.uniform(0.06, 0.20)),
+        float(rng.uniform(0.08, 0.26)),
         float(rng.uniform(0.0, 0.45)),
-        float(rng.uniform(0.2, 0.9)),
+        float(rng.uniform(0.4, 1.3)),
         np.array([np.cos(turn), np.sin(turn)]),
         rng.uniform(0.0, 9.0, 2),
     )
     shaded = not cloudy and rng.random() < _TREES
     level = ambient + diffuse * towards[2] * (0.6 if shaded else 1.0)
-    exposure = _MEAN_LIGHT / (base.mean() * level * (1.0 - 0.5 * soil.patch)) * exp(0.15 * rng.standard_normal())
+    exposure = (
+        _MEAN_LIGHT / (max(base.mean(), 90.0) * level * (1.0 - 0.5 * soil.patch)) * exp(0.15 * rng.standard_normal())
+    )
     return Day(
         light,
         float(rng.uniform(0.05, 0.30)),
@@ -106,7 +108,7 @@ def day_of(look: float) -> Day:
         np.array([rng.uniform(0.0, 2.0 * np.pi), rng.uniform(-0.12, 0.12), rng.uniform(0.0, 0.08)]),
         float(rng.uniform(0.05, 0.30)) if shaded else 1.0,
         float(rng.uniform(0.003, 0.025)),
-        exposure * exp(0.04 * rng.standard_normal(3)),
+        exposure * exp(0.025 * rng.standard_normal(3)),
         float(rng.uniform(0.45, 0.80)),
         float(rng.uniform(0.003, 0.008) if cloudy else rng.uniform(0.001, 0.003)),
         float(rng.uniform(1.5, 3.5)),
@@ -162,6 +164,6 @@ class Litter:
                 size = small_m * (large_m / small_m) ** rng.random(n)
                 scale = size[:, None] * np.array(form) * exp(0.2 * rng.standard_normal((n, 3)))
                 turn = about_z(rng.uniform(0.0, 2.0 * np.pi, n)) * scale[:, None, :]
-                tone = np.array(colour) * exp(0.12 * rng.standard_normal((n, 1)) + 0.05 * rng.standard_normal((n, 3)))
+                tone = np.array(colour) * exp(0.12 * rng.standard_normal((n, 1)) + 0.03 * rng.standard_normal((n, 3)))
                 at[:, 2] = 0.25 * scale[:, 2]
                 yield instances(mesh, at, turn, np.clip(tone, 0.0, 1.0))
