@@ -135,8 +135,19 @@ class PerceptionModel(Config):
     @classmethod
     @lru_cache(maxsize=4)
     def measured(cls, eyes: str = "classical", pictures: str = "easy") -> PerceptionModel:
-        """The fit to rendered images that ships with the package [identified], see ``FieldTask.eyes``."""
-        return cls.from_json(json.loads(asset_text(f"perception/{fit_name(eyes, pictures)}"))["model"])
+        """The fit to rendered images that ships with the package [identified], see ``FieldTask.eyes``.
+
+        Raises:
+            ValueError: nobody has fitted one to these eyes and pictures.
+        """
+        try:
+            text = asset_text(f"perception/{fit_name(eyes, pictures)}")
+        except FileNotFoundError:
+            raise ValueError(
+                f"perception = 'model' has no fit to eyes = {eyes!r} and pictures = {pictures!r}: choose 'camera' or "
+                "'perfect', or make one with scripts/measure_camera.py weeding --write"
+            ) from None
+        return cls.from_json(json.loads(text)["model"])
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> PerceptionModel:
