@@ -3,8 +3,10 @@
     python scripts/train_weed_eyes.py front --out assets/perception
     python scripts/train_weed_eyes.py tool --out assets/perception
 
-PyTorch (the extra ``rl``) is needed here alone; the package computes with the written arrays. The pictures are those of
-strips that nothing else uses (``weed_lessons.py``). They are taken as they are, neither mirrored nor turned: the sun
+PyTorch (the extra ``rl``) is needed here alone; the package computes with the written arrays. While a network learns,
+its layers are normalised over each batch (without that the blocks of one channel each hardly learn at all); what the
+normalisation has become goes into the written weights, so that nothing of it is left to compute. The pictures are those
+of strips that nothing else uses (``weed_lessons.py``). They are taken as they are, neither mirrored nor turned: the sun
 stands where it stands, and which side of a blade is bright says which way it rises. The colours of every plant are
 changed by some percent, so that a network does not come to rely on what a renderer's palette happens to be.
 """
@@ -16,7 +18,7 @@ import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import torch
@@ -25,6 +27,7 @@ import typer
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from fieldgym.kernels import compiled
 from fieldgym.kernels.files import replace_file
 from fieldgym.perception.stems import (
     ANSWERS,
@@ -42,15 +45,15 @@ from fieldgym.perception.stems import (
 )
 from fieldgym.scripts.weed_lessons import CHOICE_SEED, FIRST_SEED, Lesson, lessons, one_of
 
-SIZE_PX = {"front": 160, "tool": 88}
+SIZE_PX = {"front": 128, "tool": 96}
 """Sides of what is cut out of a picture."""
-BATCH = {"front": 5, "tool": 12}
+BATCH = {"front": 8, "tool": 12}
 COLOUR, SOIL_COLOUR = 0.12, 0.05
 """Deviation of the factors (as logarithms) on the three colours of a plant and of the ground, in half of the cuts."""
-_SIGMA_CELLS = {WEED: 1.0, CROP: 1.5}
+_SIGMA_CELLS = (1.0, 1.5)
 _WINDOW = 5
-_RATE, _WARM = 3e-3, 100
-_HIT_CELLS = {"front": 2.4, "tool": 2.4}
+_RATE, _WARM = 6e-3, 200
+_HIT_CELLS = 2.4
 """A stem counts as found within this distance, places of the half-sized picture (6 and 4 mm)."""
 
 
@@ -60,36 +63,51 @@ class Net(nn.Module):
     def __init__(self, first: int = 12, second: int = 40, up: int = 16, head: int = 24):
         """Make the layers."""
         super().__init__()
-        self.first, self.second = nn.Conv2d(3, first, 3, 2, 1), nn.Conv2d(first, second, 3, 2, 1)
+        self.first = nn.Conv2d(3, first, 3, 2, 1, bias=False)
+        self.second = nn.Conv2d(first, second, 3, 2, 1, bias=False)
         for k, reach in enumerate(REACHES):
             self.add_module(f"look{k}", nn.Conv2d(second, second, 3, 1, reach, reach, second, bias=False))
-            self.add_module(f"mix{k}", nn.Conv2d(second, second, 1))
+            self.add_module(f"mix{k}", nn.Conv2d(second, second, 1, bias=False))
         self.up = nn.Conv2d(second, up, 1)
         self.near = nn.Conv2d(up + first, up + first, 3, 1, 1, 1, up + first, bias=False)
-        self.head, self.answer = nn.Conv2d(up + first, head, 1), nn.Conv2d(head, ANSWERS, 1)
+        self.head, self.answer = nn.Conv2d(up + first, head, 1, bias=False), nn.Conv2d(head, ANSWERS, 1)
+        widths = {"first": first, "second": second, "head": head} | {f"mix{k}": second for k in range(len(REACHES))}
+        self.norm = nn.ModuleDict({name: nn.BatchNorm2d(width) for name, width in widths.items()})
         nn.init.constant_(self.answer.bias[:2], -4.0)  # type: ignore[index]
+
+    def _cut(self, name: str, x: Tensor) -> Tensor:
+        """A layer of this name with its norm, negative values cut."""
+        return F.relu(self.norm[name](self.get_submodule(name)(x)), inplace=True)
 
     def forward(self, x: Tensor) -> Tensor:
         """Answers (b, 10, h / 2, w / 2) on pictures (b, 3, h, w)."""
-        fine = torch.relu(self.first(x))
-        sums = torch.relu(self.second(fine))
+        fine = self._cut("first", x)
+        sums = self._cut("second", fine)
         for k in range(len(REACHES)):
-            sums = sums + torch.relu(self.get_submodule(f"mix{k}")(self.get_submodule(f"look{k}")(sums)))
+            sums = sums + self._cut(f"mix{k}", self.get_submodule(f"look{k}")(sums))
         told = F.interpolate(self.up(sums), scale_factor=2, mode="bilinear", align_corners=False)
-        return self.answer(torch.relu(self.head(self.near(torch.cat([told, fine], 1)))))
+        return self.answer(self._cut("head", self.near(torch.cat([told, fine], 1))))
 
     def weights(self) -> dict[str, NDArray[np.float32]]:
-        """Plain arrays, as ``StemNet`` takes them."""
-        plain = {name: values.detach().numpy().copy() for name, values in self.state_dict().items()}
+        """Plain arrays, as ``StemNet`` takes them, with what the norms do on average put into the layers before."""
+        state = {name: values.detach().numpy().astype(float) for name, values in self.state_dict().items()}
+        plain = {name: values for name, values in state.items() if not name.startswith("norm.")}
+        for name, norm in self.norm.items():
+            mean, variance, scale, shift = (
+                state[f"norm.{name}.{part}"] for part in ("running_mean", "running_var", "weight", "bias")
+            )
+            factor = scale / np.sqrt(variance + norm.eps)  # type: ignore[operator]
+            plain[f"{name}.weight"] = plain[f"{name}.weight"] * factor[:, None, None, None]
+            plain[f"{name}.bias"] = shift - mean * factor
         for name, values in plain.items():
             if values.shape[2:] == (1, 1):
                 plain[name] = values[:, :, 0, 0]
             elif values.ndim == 4 and values.shape[1] == 1:
                 plain[name] = values[:, 0]
-        return plain
+        return {name: values.astype(np.float32) for name, values in plain.items()}
 
 
-class Sheet:
+class Sheet(NamedTuple):
     """What is wanted of a cut of a picture, on its half-sized grid.
 
     Attributes:
@@ -99,32 +117,38 @@ class Sheet:
         kind: (h, w), of that weed; -1 where none is near.
     """
 
-    def __init__(self, high: int, wide: int, stem: NDArray[np.float64], kind: NDArray[np.int64]):
-        """Draw stems (n, 2), in pixels of the cut."""
-        self.odds, self.here = np.zeros((2, high, wide), np.float32), np.zeros((2, high, wide), bool)
-        self.offset, self.kind = np.zeros((2, high, wide), np.float32), np.full((high, wide), -1)
-        gap = np.full((high, wide), np.inf)
-        for (u, v), k in zip((stem - 0.5) / 2.0, kind.tolist(), strict=True):
-            plane = CROP if k == KINDS else WEED
-            left, top = max(round(u) - _WINDOW, 0), max(round(v) - _WINDOW, 0)
-            right, bottom = min(round(u) + _WINDOW + 1, wide), min(round(v) + _WINDOW + 1, high)
-            if left >= right or top >= bottom:
-                continue
-            y, x = np.mgrid[top:bottom, left:right]
-            square = (x - u) ** 2 + (y - v) ** 2
-            there = np.s_[top:bottom, left:right]
-            soft = np.exp(-square / (2.0 * _SIGMA_CELLS[plane] ** 2)).astype(np.float32)
-            self.odds[plane][there] = np.maximum(self.odds[plane][there], soft)
-            if 0 <= round(u) < wide and 0 <= round(v) < high:
-                self.here[plane, round(v), round(u)] = True
-            if plane == WEED:
+    odds: NDArray[np.float32]
+    here: NDArray[np.bool_]
+    offset: NDArray[np.float32]
+    kind: NDArray[np.int64]
+
+
+@compiled
+def sheet_of(high: int, wide: int, stem: NDArray[np.float64], kind: NDArray[np.int64]) -> Sheet:
+    """Draw stems (n, 2), in pixels of the cut."""
+    odds, here = np.zeros((2, high, wide), np.float32), np.zeros((2, high, wide), np.bool_)
+    offset, kinds = np.zeros((2, high, wide), np.float32), np.full((high, wide), -1)
+    gap = np.full((high, wide), np.inf)
+    for i in range(len(stem)):
+        plane, sigma = (CROP, _SIGMA_CELLS[CROP]) if kind[i] == KINDS else (WEED, _SIGMA_CELLS[WEED])
+        u, v = (stem[i, 0] - 0.5) / 2.0, (stem[i, 1] - 0.5) / 2.0
+        column, row = int(np.rint(u)), int(np.rint(v))
+        for y in range(max(row - _WINDOW, 0), min(row + _WINDOW + 1, high)):
+            for x in range(max(column - _WINDOW, 0), min(column + _WINDOW + 1, wide)):
+                square = (x - u) ** 2 + (y - v) ** 2
+                odds[plane, y, x] = max(odds[plane, y, x], np.exp(-square / (2.0 * sigma**2)))
                 # Every place belongs to the stem that is nearest to it.
-                mine = (square < gap[there]) & (np.maximum(np.abs(x - u), np.abs(y - v)) <= 1.5)
-                gap[there] = np.where(mine, square, gap[there])
-                self.offset[0][there] = np.where(mine, x * -1.0 + u, self.offset[0][there])
-                self.offset[1][there] = np.where(mine, y * -1.0 + v, self.offset[1][there])
-                self.kind[there] = np.where(mine, k, self.kind[there])
-        self.odds[self.here] = 1.0
+                if plane == WEED and square < gap[y, x] and max(abs(x - u), abs(y - v)) <= 1.5:
+                    gap[y, x], kinds[y, x] = square, kind[i]
+                    offset[0, y, x], offset[1, y, x] = u - x, v - y
+        if 0 <= row < high and 0 <= column < wide:
+            here[plane, row, column] = True
+    for plane in range(2):
+        for y in range(high):
+            for x in range(wide):
+                if here[plane, y, x]:
+                    odds[plane, y, x] = 1.0
+    return Sheet(odds, here, offset, kinds)
 
 
 def coloured(lesson: Lesson, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -143,7 +167,7 @@ def cut(lesson: Lesson, size: int, rng: np.random.Generator) -> tuple[NDArray[np
     window = np.s_[y : y + size, x : x + size]
     part = lesson._replace(rgb=lesson.rgb[window], owner=lesson.owner[window])
     picture = coloured(part, rng) if rng.random() < 0.5 else part.rgb.astype(np.float32)
-    sheet = Sheet(size // 2, size // 2, lesson.stem - [x, y], lesson.kind)
+    sheet = sheet_of(size // 2, size // 2, lesson.stem - [x, y], lesson.kind)
     return np.ascontiguousarray((picture.transpose(2, 0, 1) - MIDDLE) / SPREAD, np.float32), sheet
 
 
@@ -170,12 +194,12 @@ def loss_of(answers: Tensor, sheets: Sequence[Sheet]) -> Tensor:
 def train(data: Sequence[Lesson], camera: str, steps: int, net: Net, seed: int, keep: Path) -> list[float]:
     """So many steps; gives the mean loss of every tenth of them, after which the weights are kept each time."""
     size, batch, rng = SIZE_PX[camera], BATCH[camera], np.random.default_rng(seed)
-    optimiser = torch.optim.Adam(net.parameters(), _RATE)
+    optimiser = torch.optim.AdamW(net.parameters(), _RATE, weight_decay=1e-3)
     losses, began = [], time.thread_time()
+    net.train()
     for step in range(steps):
-        share = step / steps
         for group in optimiser.param_groups:
-            group["lr"] = _RATE * min(1.0, step / _WARM) * 0.5 * (1.0 + np.cos(np.pi * share))
+            group["lr"] = _RATE * min(1.0, (step + 1) / _WARM) * 0.5 * (1.0 + np.cos(np.pi * step / steps))
         cuts = [cut(data[rng.integers(len(data))], size, rng) for _ in range(batch)]
         loss = loss_of(net(torch.from_numpy(np.stack([picture for picture, _ in cuts]))), [s for _, s in cuts])
         optimiser.zero_grad()
@@ -187,6 +211,7 @@ def train(data: Sequence[Lesson], camera: str, steps: int, net: Net, seed: int, 
             spent = time.thread_time() - began
             print(f"{step + 1:6d} {spent:6.0f} s  loss {np.mean(losses[-max(steps // 10, 1) :]):.3f}", flush=True)
             write(keep, net.weights())
+            torch.save(net.state_dict(), keep.with_suffix(".pt"))
     return [float(np.mean(part)) for part in np.array_split(losses, 10) if len(part)]
 
 
@@ -198,27 +223,31 @@ def write(path: Path, weights: dict[str, NDArray[np.float32]]) -> None:
     replace_file(path, buffer.getvalue())
 
 
-def looked_at(net: StemNet, camera: str, data: Sequence[Lesson]) -> dict[str, Any]:
-    """Weeds of pictures that a network has not seen: found, told of, how far off in half-sized places."""
+def looked_at(net: StemNet, data: Sequence[Lesson]) -> dict[str, Any]:
+    """Weeds of pictures that a network has not seen: found, rightly told of, how far off in half-sized places."""
     settings = StemSettings()
-    truth, found, told, right, off = 0, 0, 0, 0, []
+    truth, found, told, true, right, off = 0, 0, 0, 0, 0, []
     for lesson in data:
         high, wide, _ = lesson.rgb.shape
-        weed = (lesson.kind < KINDS) & np.all((lesson.stem >= 4) & (lesson.stem < [wide - 4, high - 4]), axis=1)
+
+        def inside(places: NDArray[np.float64], by: float, size: tuple[int, int] = (wide, high)) -> NDArray[np.bool_]:
+            return np.all((places >= by) & (places < np.array(size) - by), axis=1)
+
+        weed = lesson.kind < KINDS
         stems = stems_in(net.answers(lesson.rgb), WEED, 0.3, settings.apart_cells)
-        stem, kind = lesson.stem[weed], lesson.kind[weed]
-        truth, told = truth + len(stem), told + len(stems.pixel)
-        if len(stem) and len(stems.pixel):
-            gap = np.hypot(*(stems.pixel[:, None] - stem[None]).transpose(2, 0, 1)) / 2.0
-            nearest = gap.argmin(axis=0)
-            hit = gap.min(axis=0) < _HIT_CELLS[camera]
-            found += int(hit.sum())
-            right += int((stems.kind[nearest] == kind)[hit].sum())
-            off += gap.min(axis=0)[hit].tolist()
+        gap = np.hypot(*(stems.pixel[:, None] - lesson.stem[weed][None]).transpose(2, 0, 1)) / 2.0
+        gap = np.vstack([gap, np.full((1, gap.shape[1]), np.inf)])
+        asked, counted = inside(lesson.stem[weed], 4.0), inside(stems.pixel, 4.0)
+        hit = asked & (gap.min(axis=0) < _HIT_CELLS)
+        truth, told, found = truth + int(asked.sum()), told + int(counted.sum()), found + int(hit.sum())
+        true += int((counted & (gap[:-1].min(axis=1, initial=np.inf) < _HIT_CELLS)).sum())
+        right += int((stems.kind[gap.argmin(axis=0)[hit]] == lesson.kind[weed][hit]).sum())
+        off += gap.min(axis=0)[hit].tolist()
     return {
         "pictures": len(data),
+        "weeds": truth,
         "recall": round(found / max(truth, 1), 3),
-        "told_per_weed": round(told / max(truth, 1), 3),
+        "precision": round(true / max(told, 1), 3),
         "kind_right": round(right / max(found, 1), 3),
         "off_cells_50_90": [round(float(v), 3) for v in np.percentile(off or [0.0], [50, 90])],
     }
@@ -228,11 +257,11 @@ def main(
     camera: Annotated[str, typer.Argument(help="front or tool.")],
     out: Annotated[Path, typer.Option(help="Folder of weed-eyes.CAMERA.npz and its card.")] = Path("results"),
     steps: int = 6000,
-    strips: int = 40,
-    pictures: Annotated[int, typer.Option(help="Of each strip.")] = 40,
+    strips: int = 120,
+    pictures: Annotated[int, typer.Option(help="Of each strip.")] = 30,
     seed: Annotated[int, typer.Option(help="Of weights and cuts.")] = 0,
-    kinds: Annotated[str, typer.Option(help="Pictures: easy, field, or easy,field for both in turn.")] = "easy",
-    begin: Annotated[Path | None, typer.Option(help="Begin with the weights of this file.")] = None,
+    kinds: Annotated[str, typer.Option(help="Pictures: easy, field, or easy,field for both in turn.")] = "easy,field",
+    begin: Annotated[Path | None, typer.Option(help="Begin with what a run has left, a file .pt.")] = None,
 ) -> None:
     """Render, train, look, write."""
     torch.set_num_threads(1)
@@ -243,15 +272,12 @@ def main(
     print(f"{len(data)} pictures in {rendered_s:.0f} s", flush=True)
     net = Net()
     if begin is not None:
-        with np.load(begin, allow_pickle=False) as arrays:
-            known = {name: torch.from_numpy(arrays[name]) for name in list(arrays)}
-        net.load_state_dict({name: known[name].reshape(values.shape) for name, values in net.state_dict().items()})
+        net.load_state_dict(torch.load(begin, weights_only=True))
     target = out / f"weed-eyes.{camera}.npz"
     curve = train(data, camera, steps, net, seed, target)
     weights = net.weights()
     held_out = {
-        kind: looked_at(StemNet(weights), camera, list(lessons(camera, 6, 10, CHOICE_SEED, kind)))
-        for kind in ("easy", "field")
+        kind: looked_at(StemNet(weights), list(lessons(camera, 8, 15, CHOICE_SEED, kind))) for kind in ("easy", "field")
     }
     card = {
         "made_by": f"scripts/train_weed_eyes.py {camera} --steps {steps} --strips {strips} --pictures {pictures} "
@@ -262,7 +288,7 @@ def main(
         "steps": steps,
         "cpu_s": round(time.thread_time() - began),
         "loss": [round(value, 3) for value in curve],
-        "held_out_strips": [CHOICE_SEED, CHOICE_SEED + 5],
+        "held_out_strips": [CHOICE_SEED, CHOICE_SEED + 7],
         "held_out": held_out,
     }
     replace_file(target.with_suffix(".json"), json.dumps(card, indent=1) + "\n")

@@ -10,6 +10,7 @@ import pytest
 import fieldgym  # noqa: F401
 from fieldgym.envs.weeding.bed_config import BedConfig
 from fieldgym.envs.weeding.config import SCENARIOS
+from fieldgym.envs.weeding.eyes import ClassicalEyes
 from fieldgym.envs.weeding.gaps import crop_gaps, crop_index, passed
 from fieldgym.envs.weeding.ridges import Ridges, ridge_heights
 from fieldgym.envs.weeding.state import FAR_M, PAD
@@ -244,7 +245,7 @@ def test_the_front_camera_knows_the_crop_of_both_rows():
     scene = WeederScene(config, config.parameters)
     crop = np.array([[0.16 * i, across] for i in range(12) for across in (-CREST_M, CREST_M)])
     scene.load(np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), crop, 3.5e-6)
-    front = FrontCamera(scene, 0.0, 0.0)
+    front = FrontCamera(scene, 0.0, 0.0, ClassicalEyes())
     front.drive(0.1)
     assert front.last is not None
     found = front.last[1]
