@@ -201,7 +201,8 @@ def train(data: Sequence[Lesson], camera: str, steps: int, net: Net, seed: int, 
         for group in optimiser.param_groups:
             group["lr"] = _RATE * min(1.0, (step + 1) / _WARM) * 0.5 * (1.0 + np.cos(np.pi * step / steps))
         cuts = [cut(data[rng.integers(len(data))], size, rng) for _ in range(batch)]
-        loss = loss_of(net(torch.from_numpy(np.stack([picture for picture, _ in cuts]))), [s for _, s in cuts])
+        pictures = torch.from_numpy(np.stack([picture for picture, _ in cuts]))
+        loss = loss_of(net(pictures.contiguous(memory_format=torch.channels_last)), [sheet for _, sheet in cuts])
         optimiser.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(net.parameters(), 5.0)
@@ -270,7 +271,8 @@ def main(
     data = list(lessons(camera, strips, pictures, FIRST_SEED, kinds.split(",")))
     rendered_s = time.thread_time() - began
     print(f"{len(data)} pictures in {rendered_s:.0f} s", flush=True)
-    net = Net()
+    # With the channels last a step takes two thirds of the time.
+    net = Net().to(memory_format=torch.channels_last)
     if begin is not None:
         net.load_state_dict(torch.load(begin, weights_only=True))
     target = out / f"weed-eyes.{camera}.npz"

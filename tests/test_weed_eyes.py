@@ -241,5 +241,5 @@ def test_eyes_are_chosen_by_keyword():
     env.close()
     with pytest.raises(ValueError, match=r"perception = 'model' has no fit to eyes = 'learned' and pictures = 'field'"):
         gym.make("fieldgym/LaserWeeding-v0", backend="analytic", eyes="learned", pictures="field")
-    with pytest.raises(ValueError, match=r"eyes.*'classical', 'learned'"):
+    with pytest.raises(ValueError, match=r"eyes.*'classical' or 'learned'"):
         gym.make("fieldgym/HoeWeeding-v0", backend="analytic", eyes="sharp")
