@@ -214,4 +214,4 @@ def detect(net: StemNet, frame: Frame, context: Rows = MIDDLE_ROW, settings: Ste
     score = np.concatenate([weed.score, crop.score])
     half = np.where(is_crop, 20, np.array([[6, 10, 16], [8, 12, 18]])[species, stage])
     box = np.column_stack([np.rint(pixel).astype(np.int64) - half[:, None], 2 * half, 2 * half])
-    return Seedlings(*(column[kept] for column in (position, species, stage, is_crop, box, score)))
+    return Seedlings(position[kept], species[kept], stage[kept], is_crop[kept], box[kept], score[kept])

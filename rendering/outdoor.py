@@ -89,7 +89,7 @@ def tile() -> NDArray[np.float32]:
     heights = np.zeros((TILE, TILE), np.float32)
     for cells in _OCTAVES:
         ridged = 32 <= cells <= 128
-        _add_lattice(heights, rng.random((cells, cells)).astype(np.float32), np.float32((8.0 / cells) ** 0.45), ridged)
+        _add_lattice(heights, rng.random((cells, cells)).astype(np.float32), (8.0 / cells) ** 0.45, ridged)
     mean, spread = float(heights.mean(dtype=np.float64)), float(heights.std(dtype=np.float64))
     return ((heights - np.float32(mean)) / np.float32(spread)).astype(np.float32)
 

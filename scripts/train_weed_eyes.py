@@ -52,7 +52,7 @@ COLOUR, SOIL_COLOUR = 0.12, 0.05
 """Deviation of the factors (as logarithms) on the three colours of a plant and of the ground, in half of the cuts."""
 _SIGMA_CELLS = (1.0, 1.5)
 _WINDOW = 5
-_RATE, _WARM = 6e-3, 200
+_WARM = 200
 _HIT_CELLS = 2.4
 """A stem counts as found within this distance, places of the half-sized picture (6 and 4 mm)."""
 
@@ -191,16 +191,16 @@ def loss_of(answers: Tensor, sheets: Sequence[Sheet]) -> Tensor:
     return loss
 
 
-def train(data: Sequence[Lesson], camera: str, steps: int, net: Net, seed: int, keep: Path) -> list[float]:
+def train(data: Sequence[Lesson], camera: str, steps: int, rate: float, net: Net, seed: int, keep: Path) -> list[float]:
     """So many steps; gives the mean loss of every tenth of them, after which the weights are kept each time."""
     size, batch, rng = SIZE_PX[camera], BATCH[camera], np.random.default_rng(seed)
-    optimiser = torch.optim.AdamW(net.parameters(), _RATE, weight_decay=1e-3)
+    optimiser = torch.optim.AdamW(net.parameters(), rate, weight_decay=1e-3)
     losses, began = [], time.thread_time()
     net.train()
     for step in range(steps):
         for group in optimiser.param_groups:
-            group["lr"] = _RATE * min(1.0, (step + 1) / _WARM) * 0.5 * (1.0 + np.cos(np.pi * step / steps))
-        cuts = [cut(data[rng.integers(len(data))], size, rng) for _ in range(batch)]
+            group["lr"] = rate * min(1.0, (step + 1) / _WARM) * 0.5 * (1.0 + np.cos(np.pi * step / steps))
+        cuts = [cut(data[int(rng.integers(len(data)))], size, rng) for _ in range(batch)]
         pictures = torch.from_numpy(np.stack([picture for picture, _ in cuts]))
         loss = loss_of(net(pictures.contiguous(memory_format=torch.channels_last)), [sheet for _, sheet in cuts])
         optimiser.zero_grad()
@@ -258,6 +258,7 @@ def main(
     camera: Annotated[str, typer.Argument(help="front or tool.")],
     out: Annotated[Path, typer.Option(help="Folder of weed-eyes.CAMERA.npz and its card.")] = Path("results"),
     steps: int = 6000,
+    rate: Annotated[float, typer.Option(help="Of learning, at its highest.")] = 6e-3,
     strips: int = 120,
     pictures: Annotated[int, typer.Option(help="Of each strip.")] = 30,
     seed: Annotated[int, typer.Option(help="Of weights and cuts.")] = 0,
@@ -272,18 +273,19 @@ def main(
     rendered_s = time.thread_time() - began
     print(f"{len(data)} pictures in {rendered_s:.0f} s", flush=True)
     # With the channels last a step takes two thirds of the time.
-    net = Net().to(memory_format=torch.channels_last)
+    net = Net()
+    net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     if begin is not None:
         net.load_state_dict(torch.load(begin, weights_only=True))
     target = out / f"weed-eyes.{camera}.npz"
-    curve = train(data, camera, steps, net, seed, target)
+    curve = train(data, camera, steps, rate, net, seed, target)
     weights = net.weights()
     held_out = {
         kind: looked_at(StemNet(weights), list(lessons(camera, 8, 15, CHOICE_SEED, kind))) for kind in ("easy", "field")
     }
     card = {
-        "made_by": f"scripts/train_weed_eyes.py {camera} --steps {steps} --strips {strips} --pictures {pictures} "
-        f"--kinds {kinds}" + ("" if begin is None else f" --begin {begin.name}"),
+        "made_by": f"scripts/train_weed_eyes.py {camera} --steps {steps} --rate {rate} --seed {seed} "
+        f"--strips {strips} --pictures {pictures} --kinds {kinds}" + ("" if begin is None else f" --begin {begin.name}"),
         "numbers": int(sum(values.size for values in weights.values())),
         "training_strips": [FIRST_SEED, FIRST_SEED + strips - 1],
         "pictures": len(data),

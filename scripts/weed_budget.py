@@ -193,7 +193,7 @@ class Played(NamedTuple):
 
 
 def played(
-    scenario: str, policy: str, fields: Sequence[WeedField], seed: int = 0, perception: str = "model", **settings: str
+    scenario: str, policy: str, fields: Sequence[WeedField], seed: int = 0, perception: str = "model", **settings: Any
 ) -> Played:
     """Let a policy work on what is reported of fields, by themselves or by the cameras' model."""
     env: Any = gym.make_vec(

@@ -216,10 +216,11 @@ def test_every_leaf_belongs_to_its_plant_and_a_dead_one_is_scorched(scene):
 
 
 def test_pictures_are_chosen_by_keyword_and_do_not_change_the_field():
-    easy, field = (
+    made: list[Any] = [
         gym.make("fieldgym/LaserWeeding-v0", backend="analytic", perception="perfect", pictures=kind).unwrapped
         for kind in ("easy", "field")
-    )
+    ]
+    easy, field = made
     easy.reset(seed=3)
     field.reset(seed=3)
     assert np.array_equal(easy.field.weeds.along_m, field.field.weeds.along_m)

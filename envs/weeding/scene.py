@@ -278,7 +278,7 @@ class FieldScene(Scene):
             plants = instances(mesh, at, turn, colour, np.arange(n + m))
         else:
             weeds, crops = self._foliage
-            whole = Foliage(*map(np.concatenate, zip(weeds, crops._replace(plant=crops.plant + n), strict=True)))
+            whole = grown_beside(weeds, crops._replace(plant=crops.plant + n))
             plants = _leaves(whole, at, turn, np.where(dead[:, None], colour, np.nan), np.arange(n + m))
         spots = np.column_stack([np.array(self._marks).reshape(-1, 2), np.zeros(len(self._marks))])
         self._plants = joined([plants, instances(self._mark, spots, None, self.mark_colour)])
