@@ -285,7 +285,8 @@ def main(
     }
     card = {
         "made_by": f"scripts/train_weed_eyes.py {camera} --steps {steps} --rate {rate} --seed {seed} "
-        f"--strips {strips} --pictures {pictures} --kinds {kinds}" + ("" if begin is None else f" --begin {begin.name}"),
+        f"--strips {strips} --pictures {pictures} --kinds {kinds}"
+        + ("" if begin is None else f" --begin {begin.name}"),
         "numbers": int(sum(values.size for values in weights.values())),
         "training_strips": [FIRST_SEED, FIRST_SEED + strips - 1],
         "pictures": len(data),

@@ -1,6 +1,7 @@
 """Pictures of fields that differ: soil, shadows, lens and sensor, plants of single leaves, and the keyword for them."""
 
 from dataclasses import replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np

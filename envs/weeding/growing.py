@@ -141,6 +141,17 @@ class Foliage(NamedTuple):
     colour: Array
 
 
+def together(one: Foliage, other: Foliage) -> Foliage:
+    """The leaves of both."""
+    return Foliage(
+        np.concatenate([one.plant, other.plant]),
+        np.concatenate([one.mesh, other.mesh]),
+        np.concatenate([one.turn, other.turn]),
+        np.concatenate([one.shift, other.shift]),
+        np.concatenate([one.colour, other.colour]),
+    )
+
+
 def leaf_mesh(leaf: Leaf, variant: int) -> Mesh:
     """A leaf along +x, one long, one wide, arched by one: how it curls, bends aside and is eaten is the variant's."""
     rng = np.random.default_rng(977 + 31 * variant)

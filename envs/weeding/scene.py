@@ -15,7 +15,7 @@ from ...rendering.shots import MACHINE, Viewpoint
 from ...simulation.stage import Scene, Stage
 from ..core import Array
 from .config import FieldTask
-from .growing import Foliage, Nursery
+from .growing import Foliage, Nursery, together
 from .outdoors import Day, Litter, day_of, seen_by
 from .seedlings import crop_mesh, weed_mesh
 from .standing import Standing
@@ -278,7 +278,7 @@ class FieldScene(Scene):
             plants = instances(mesh, at, turn, colour, np.arange(n + m))
         else:
             weeds, crops = self._foliage
-            whole = grown_beside(weeds, crops._replace(plant=crops.plant + n))
+            whole = together(weeds, crops._replace(plant=crops.plant + n))
             plants = _leaves(whole, at, turn, np.where(dead[:, None], colour, np.nan), np.arange(n + m))
         spots = np.column_stack([np.array(self._marks).reshape(-1, 2), np.zeros(len(self._marks))])
         self._plants = joined([plants, instances(self._mark, spots, None, self.mark_colour)])
