@@ -38,7 +38,10 @@ SHOWN = Block(
     100_000, 200_000, "development prints them: settings are never chosen on them, figures in the docs are theirs"
 )
 DRIVES = Block(700_000, 800_000, "limits and errors of drives")
-CAMERAS = Block(900_000, 1_000_000, "the weeders' cameras were fitted on them")
+CAMERAS = Block(900_000, 920_000, "the weeders' cameras were fitted on them")
+LESSONS = Block(920_000, 940_000, "the networks of the weeders' eyes learned from pictures of them")
+EYES_CHOSEN = Block(940_000, 960_000, "thresholds of the weeders' eyes were chosen on them")
+EYES_SHOWN = Block(960_000, 1_000_000, "figures of the weeders' eyes are theirs: nothing is chosen on them")
 CHOOSING = Block(1_000_000, 2_000_000, "training runs choose their best weights on them")
 OUTCOMES = Block(3_000_000, 4_000_000, "planners' tables of outcomes were measured on them")
 PICKER = Block(5_000_000, 6_000_000, "the picker's process was calibrated on them")
@@ -55,6 +58,9 @@ BLOCKS = {
     "shown": SHOWN,
     "drives": DRIVES,
     "cameras": CAMERAS,
+    "lessons": LESSONS,
+    "eyes-chosen": EYES_CHOSEN,
+    "eyes-shown": EYES_SHOWN,
     "choosing": CHOOSING,
     "outcomes": OUTCOMES,
     "picker": PICKER,

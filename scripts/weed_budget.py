@@ -36,8 +36,9 @@ from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
 from fieldgym.envs.weeding.tools.laser.view import WeederView
 from fieldgym.envs.weeding.view import FRAME_EVERY_M
+from fieldgym.kernels.seeds import EYES_SHOWN
 
-FRESH_SEED = 960_000
+FRESH_SEED = EYES_SHOWN.first
 HIDDEN_PX, SHOWN = 10, 0.35
 """A weed of which less ever shows is hidden; one that shows less than this share of its kind's usual size, partly."""
 RIGHT_M, OFF_M = 0.002, 0.004

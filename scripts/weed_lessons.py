@@ -14,14 +14,13 @@ from fieldgym.envs.weeding.eyes import TOOL_SMALLER, smaller
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
 from fieldgym.envs.weeding.tools.laser.view import WeederView
+from fieldgym.kernels.seeds import EYES_CHOSEN, LESSONS
 from fieldgym.perception.frames import CameraPose, Frame
 from fieldgym.perception.stems import KINDS, StemSettings
 from fieldgym.perception.weeds import WeedSettings
 
-FIRST_SEED = 920_000
-"""Strips that networks learn from; no fit (900000 on), no figure (960000 on) and no policy uses them."""
-CHOICE_SEED = 940_000
-"""Strips on which thresholds are chosen and a finished network is looked at."""
+FIRST_SEED, CHOICE_SEED = LESSONS.first, EYES_CHOSEN.first
+"""Strips that networks learn from, and those on which thresholds are chosen and a finished network is looked at."""
 TIERS = ("load-1.0", "dense", "load-1.0", "load-1.0-even")
 """Of the strips, in turn."""
 FRONT_SEEN_PX, TOOL_SEEN_PX = 6, 16
