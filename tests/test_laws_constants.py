@@ -29,6 +29,7 @@ from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.kernels.config_tables import rows
 from fieldgym.perception.blooms import BloomSettings
 from fieldgym.perception.produce import ProduceSettings
+from fieldgym.perception.stems import StemSettings
 from fieldgym.perception.trays import TraySettings
 from fieldgym.perception.weeds import WeedSettings
 
@@ -55,7 +56,7 @@ def lines() -> Iterator[str]:
             own.setdefault(task, here)
             changed = [f"{key} = {value}" for key, value in here.items() if value != own[task][key]]
             yield f"{task} scenario {name}: {', '.join(changed)}"
-    for settings in (BloomSettings(), ProduceSettings(), TraySettings(), WeedSettings()):
+    for settings in (BloomSettings(), ProduceSettings(), TraySettings(), WeedSettings(), StemSettings()):
         for name, value in asdict(settings).items():
             yield f"{type(settings).__name__} {name} = {told(value)}"
     eyes: dict[str, Any] = {f"safflower {fit}": PickerEyes.measured(fit) for fit in ("pots", "row")}
