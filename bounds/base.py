@@ -11,8 +11,25 @@ REPORTS = ("drawn", "driven", "any")
 
 
 @dataclass(frozen=True)
+class Expectation:
+    """What no policy can beat on average over instances: some may do better on one of them.
+
+    Attributes:
+        net_rate: what this instance adds to the mean of net rates.
+        episode_return: the same for returns.
+        method: what the luck was replaced by, in words.
+        estimated: whether that rests on measured means, and is as sure as these are.
+    """
+
+    net_rate: float
+    episode_return: float
+    method: str
+    estimated: bool
+
+
+@dataclass(frozen=True)
 class Bound:
-    """What no policy can beat on one instance; the three figures need not be reachable together.
+    """What no policy can beat on one instance, its luck known; the three figures need not be reachable together.
 
     Attributes:
         net_rate: largest net rate.
@@ -23,6 +40,7 @@ class Bound:
             only bounds.
         gap: relative gap between the best solution found and the bound, the larger of the two; NaN without a solver.
         wall_s: seconds that it took.
+        expected: what nobody gets more than on average, who does not know the luck; None where that is not known.
     """
 
     net_rate: float
@@ -32,6 +50,7 @@ class Bound:
     proven: bool
     gap: float
     wall_s: float
+    expected: Expectation | None = None
 
 
 def state_of(core: Any) -> Any:

@@ -18,6 +18,7 @@ from ..kernels.sums import in_order
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 NOTICED = 1e-3
 """Share of its tolerance below which a dose on a weed is not followed up, but taken off what the weed can take."""
@@ -45,6 +46,8 @@ class Shots(NamedTuple):
         weeds: how many can be killed.
         worth: (weeds,), what each counts.
         energy_j: (J,).
+        whole: (weeds,), whether shares count for nothing until they add up to 1; else they count as they are.
+        advance: (J,), what the shot pays in advance for its shares, in worth.
     """
 
     told_m: Array
@@ -58,10 +61,25 @@ class Shots(NamedTuple):
     weeds: int
     worth: Array
     energy_j: Array
+    whole: Flags
+    advance: Array
 
     def option_of_share(self) -> Numbers:
         """Option (C,) of every share."""
         return np.repeat(np.arange(len(self.stand_s)), np.diff(self.share_first))
+
+    def brought(self) -> Array:
+        """What an option (J,) brings where nothing was done before, less what it pays in advance."""
+        total = -self.advance
+        np.add.at(total, self.option_of_share(), self.share * self.worth[self.share_weed])
+        return total
+
+    def due(self, killed: float) -> Array:
+        """What an option (J,) costs more than it brings beside wholes, ``killed`` being the value of a worth of one."""
+        total = self.cost + killed * self.advance
+        beside = np.where(self.whole[self.share_weed], 0.0, self.share * self.worth[self.share_weed])
+        np.subtract.at(total, self.option_of_share(), killed * beside)
+        return total
 
     def least(self, of_share: Array) -> Array:
         """The least of the values (C,) of the shares that serve each weed, (weeds,)."""
@@ -76,7 +94,9 @@ class Shots(NamedTuple):
         return self.least((value / np.maximum(total, 1e-12))[option])
 
 
-class _Option(NamedTuple):
+class Option(NamedTuple):
+    """One of ``Shots``, before they are put in order; its shares by thing."""
+
     told: Array
     aim: Array
     slack_m: float
@@ -84,10 +104,15 @@ class _Option(NamedTuple):
     cost: float
     energy_j: float
     shares: dict[int, float]
+    advance: float = 0.0
 
 
-def _shots(options: list[_Option], worth: Array) -> Shots:
-    """In the order along the row, with the weeds that can be killed counted anew; ``worth`` is that of all weeds."""
+def in_row(options: list[Option], worth: Array, whole: Flags | None = None) -> Shots:
+    """In the order along the row, with the weeds that can be killed counted anew.
+
+    ``worth`` is that of all weeds; ``whole`` says which die whole or not at all, by default all of them.
+    """
+    whole = np.ones(len(worth), bool) if whole is None else whole
     options = sorted(options, key=lambda option: float(option.told[G.along]))
     weeds = sorted({weed for option in options for weed in option.shares})
     index = {weed: i for i, weed in enumerate(weeds)}
@@ -104,16 +129,19 @@ def _shots(options: list[_Option], worth: Array) -> Shots:
         weeds=len(weeds),
         worth=worth[weeds] if weeds else np.zeros(0),
         energy_j=np.array([option.energy_j for option in options], float),
+        whole=whole[weeds] if weeds else np.zeros(0, bool),
+        advance=np.array([option.advance for option in options], float),
     )
 
 
-def _undominated(options: list[_Option]) -> list[_Option]:
+def undominated(options: list[Option]) -> list[Option]:
     """Of one target's modes those that another one does not beat in everything."""
-    kept: list[_Option] = []
+    kept: list[Option] = []
     for option in sorted(options, key=lambda o: o.stand_s):
         if option.shares and not any(
             other.cost <= option.cost + 1e-12
             and other.energy_j <= option.energy_j
+            and other.advance <= option.advance + 1e-12
             and all(other.shares.get(weed, 0.0) >= share for weed, share in option.shares.items())
             for other in kept
         ):
@@ -162,7 +190,7 @@ def drawn_shots(core: Any, row: int, stray_m: float = 0.0) -> Shots:
     options = []
     for track in range(tracks):
         ways = [
-            _Option(
+            Option(
                 told[track],
                 aim[track],
                 0.0,
@@ -173,8 +201,8 @@ def drawn_shots(core: Any, row: int, stray_m: float = 0.0) -> Shots:
             )
             for mode in range(MODES)
         ]
-        options += _undominated(ways)
-    return _shots(options, state.plant_worth[row])
+        options += undominated(ways)
+    return in_row(options, state.plant_worth[row])
 
 
 def _shares(by_track: dict[int, Array], tolerance: float) -> dict[tuple[int, int], float]:
@@ -216,9 +244,9 @@ def any_shots(core: Any, row: int) -> Shots:
         gap = np.hypot(*(place - place[i]).T)
         near = np.flatnonzero(gap <= radius + radius[i])
         slack = CORRECTED_M + float(radius[i])
-        options += _undominated(
+        options += undominated(
             [
-                _Option(
+                Option(
                     place[i],
                     place[i],
                     slack,
@@ -230,7 +258,7 @@ def any_shots(core: Any, row: int) -> Shots:
                 for mode in range(MODES)
             ]
         )
-    return _shots(options, state.plant_worth[row, weeds])
+    return in_row(options, state.plant_worth[row, weeds])
 
 
 def _influence_m(work: Any, kind: int, least: float) -> float:

@@ -124,6 +124,7 @@ def priced(
     tolerance: float = 1e-4,
     found: float = float("nan"),
     begin: Array | None = None,
+    whole: NDArray[np.bool_] | None = None,
 ) -> Priced:
     """Smallest bound found on the gains of the things served, less the options' costs, plus the worth of the end.
 
@@ -138,11 +139,14 @@ def priced(
         tolerance: relative gap at which to stop.
         found: what a schedule is known to be worth, or NaN.
         begin: (things,), prices to begin with beside the usual ones.
+        whole: (things,), whether shares of a thing gain nothing until they add up to 1; by default of all. Shares of
+            the others gain what they are, up to 1.
     """
     began = time.perf_counter()
     nodes, options, things = len(graph.wait), len(cost), len(gain)
     best, way, weight = np.empty(nodes), np.empty(nodes, np.int64), np.empty(options)
     taken = np.empty(nodes, np.int64)
+    whole = np.ones(things, bool) if whole is None else whole
     found = max(float(end[graph.start]), found) if found == found else float(end[graph.start])
 
     def at(prices: Array) -> tuple[float, Array]:
@@ -157,11 +161,12 @@ def priced(
             here = slice(graph.share_first[option], graph.share_first[option + 1])
             thing, share = graph.share_thing[here], graph.share[here]
             # A decision that brings nothing new is left out: that takes no longer.
-            new = float(gain[thing][(served[thing] < 1.0) & (served[thing] + share >= 1.0 - 1e-9)].sum())
-            partial = bool((share < 1.0).any())
-            if new > cost[option] or partial:
+            all_in = (served[thing] < 1.0) & (served[thing] + share >= 1.0 - 1e-9)
+            some = np.minimum(served[thing] + share, 1.0) - np.minimum(served[thing], 1.0)
+            new = float((gain[thing] * np.where(whole[thing], all_in, some)).sum())
+            if new > cost[option] or bool((whole[thing] & (share < 1.0)).any()):
                 worth += new - float(cost[option])
-            np.add.at(served, thing, share)
+            served[thing] += share
         found = max(found, worth)
         return value, served
 

@@ -11,15 +11,17 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..envs.weeding.outcomes import outcomes_of
 from ..envs.weeding.state import T
 from ..envs.weeding.timing import A, G, move_time
-from .base import Bound, check_method, check_start, relative_gap, state_of
+from .base import Bound, Expectation, check_method, check_start, relative_gap, state_of
+from .hopes import hoped_shots
 from .shots import STRAY_M, Shots, any_shots, drawn_shots
 from .strip import Strip, build, shortest_moves
 from .timeline import Timeline, priced
@@ -34,6 +36,9 @@ same wherever it is reckoned."""
 ROUNDS, FEW_ROUNDS = 40, 6
 THRIFTS = (0.0, 0.004, 0.008, 0.012, 0.016)
 """Prices of a joule, in killed weeds, that are tried where energy is scarce: each gives a bound."""
+FREE_S = 1e9
+"""Guess at the seconds of what brings something beside a whole: its price begins with all of its gain."""
+HOPED = "luck of shots replaced by measured means, given the reports"
 URGENCIES = (0.3, 1.0)
 """Of the schedules that are carried out to see how near the bound can be reached."""
 
@@ -55,6 +60,7 @@ class WeedingInstance:
         core: the rules, as they were reset, for a schedule to be carried out; None where reports are not drawn.
         config: the task's numbers.
         words: what was assumed.
+        hoped: what can be done, by what it does on average; None where reports are not drawn.
     """
 
     shots: Shots
@@ -69,6 +75,7 @@ class WeedingInstance:
     core: Any
     config: Any
     words: str
+    hoped: Shots | None
 
     def bound(self, method: str = "relaxation", time_limit_s: float = SECONDS) -> Bound:
         """What no policy can beat; see ``Instance``. Both methods are the same search.
@@ -86,15 +93,30 @@ class WeedingInstance:
             kills, value = self._most_work(), float(self._largest_return())
             words = "work and shortest ways against the time"
         else:
-            kills, value = self._priced(found_n, found_v, time_limit_s)
+            kills, value = self._priced(self.shots, found_n, found_v, time_limit_s)
             words = "paths in a time-expanded graph, weeds priced"
+        hope = self._expectation(time_limit_s)
         kills = min(kills, float(self.shots.worth.sum()))
         if (self.shots.worth == 1.0).all():
             kills = math.floor(kills + 1e-6)
         gap = max(relative_gap(kills, found_n), relative_gap(value, found_v)) if self.core is not None else math.nan
         net_rate = kills / (self.worth or 1.0)
         cycle_s = self.cycle_time_at(net_rate)
-        return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", gap == 0.0, gap, time.perf_counter() - began)
+        if hope is not None:
+            # What nobody can beat who knows the luck, nobody can beat on average either.
+            hope = replace(hope, net_rate=min(hope.net_rate, net_rate), episode_return=min(hope.episode_return, value))
+        spent_s = time.perf_counter() - began
+        return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", gap == 0.0, gap, spent_s, hope)
+
+    def _expectation(self, seconds: float) -> Expectation | None:
+        """The bound with the luck of what shots do replaced by its mean, given the reports."""
+        if self.hoped is None:
+            return None
+        if self.config.speed_control:
+            kills, value = self._hoped_work(self.hoped)
+        else:
+            kills, value = self._priced(self.hoped, math.nan, math.nan, seconds)
+        return Expectation(kills / (self.worth or 1.0), value, HOPED, True)
 
     def cycle_time_at(self, net_rate: float) -> float:
         """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had.
@@ -126,9 +148,12 @@ class WeedingInstance:
         ends = (shots.told_m[:, G.along] - shots.slack_m - arm.front_m - self.cart_m) / self._fastest_m_s
         return shots.least((np.maximum(ends, 0.0) + shots.stand_s)[shots.option_of_share()])
 
-    def _priced(self, found_n: float, found_v: float, seconds: float) -> tuple[float, float]:
-        """Bounds on weeds killed and on the return at a steady speed."""
-        shots, config, weights = self.shots, self.config, self.config.weights
+    def _priced(self, shots: Shots, found_n: float, found_v: float, seconds: float) -> tuple[float, float]:
+        """Bounds on weeds killed and on the return at a steady speed.
+
+        ``found_n`` and ``found_v`` are known to be reached, or NaN.
+        """
+        config, weights = self.config, self.config.weights
         second = -weights.seconds
         if not shots.weeds:
             return 0.0, -second * self.least_s
@@ -147,30 +172,60 @@ class WeedingInstance:
             until + 1.0,
             late_s(self.arm),
         )
-        first, to, option, wait, end_s, start = build(self.arm, strip, self.move_s)
+        move_s = self._moves_s(shots)
+        first, to, option, wait, end_s, start = build(self.arm, strip, move_s)
         share_first = np.append(shots.share_first, shots.share_first[-1])
         graph = Timeline(first, to, option, wait, end_s, start, share_first, shots.share_weed, shots.share)
         each = shots.option_of_share()
-        guess = shots.least((shots.stand_s + self.move_s)[each] / shots.share)
-        cost = np.append(shots.cost, 0.0)
+        guess = shots.least((shots.stand_s + move_s)[each] / shots.share)
+        guess[~shots.whole] = FREE_S
+        cost, advance = np.append(shots.cost, 0.0), np.append(shots.advance, 0.0)
         # With any reports nearly everything can be killed: there is little to search for.
         rounds = ROUNDS if self.drawn else FEW_ROUNDS
         no_end = np.zeros(len(end_s))
         end = -second * np.maximum(end_s, self.least_s)
         # Where time is not short a weed's price is what its shot costs.
-        begin = shots.least(shots.cost[each] / shots.share)
         gain = shots.worth * weights.killed
+        begin = shots.least(np.maximum(shots.due(weights.killed), 0.0)[each] / shots.share)
+        begin[~shots.whole] = gain[~shots.whole]
         energy, scarce_j = np.append(shots.energy_j, 0.0), float(config.scenario.energy_j)
         most_n = most_v = math.inf
         # Nobody may spend more than there is: at any price of a joule a schedule pays at most for all of it.
         for price in THRIFTS if scarce_j > 0.0 else (0.0,):
             spent, all_j = price * energy, price * scarce_j
-            lowest, limits = found_n - all_j, {"rounds": rounds, "time_limit_s": seconds}
-            kills = priced(graph, shots.worth, spent, no_end, guess, found=lowest, **limits)
+            lowest, limits = found_n - all_j, {"rounds": rounds, "time_limit_s": seconds, "whole": shots.whole}
+            kills = priced(graph, shots.worth, spent + advance, no_end, guess, found=lowest, **limits)
             most_n = min(most_n, kills.bound + all_j)
             spent, all_j = weights.killed * spent, weights.killed * all_j
-            value = priced(graph, gain, cost + spent, end, guess, found=found_v - all_j, begin=begin, **limits)
+            paid = cost + spent + weights.killed * advance
+            value = priced(graph, gain, paid, end, guess, found=found_v - all_j, begin=begin, **limits)
             most_v = min(most_v, value.bound + all_j)
+        return most_n, most_v
+
+    def _moves_s(self, shots: Shots) -> Array:
+        """No way (J,) to an option is shorter."""
+        return self.move_s if shots is self.shots else shortest(self.arm, self.config, shots)
+
+    def _hoped_work(self, shots: Shots) -> tuple[float, float]:
+        """``_most_work`` and ``_largest_return`` of means: of each track the best mode at a price of its seconds."""
+        weights, config = self.config.weights, self.config
+        second, track = -weights.seconds, shots.share_weed[shots.share_first[:-1]]
+        moves_s = self._moves_s(shots)
+        seconds, first_s = shots.stand_s + moves_s, float(moves_s.max(initial=0.0))
+        limit_s = config.time_limit_s + self.longest_s + late_s(self.arm) + first_s
+
+        def best(value: Array) -> float:
+            most = np.zeros(shots.weeds)
+            np.maximum.at(most, track, value)
+            return float(most.sum())
+
+        kills = shots.brought()
+        most_n = min(best(kills - price * seconds) + price * limit_s for price in np.linspace(0.0, 2.0, 21))
+        value = weights.killed * kills - shots.cost
+        most_v = min(
+            best(value - second * part * seconds) + second * (part * first_s - (1.0 - part) * self.least_s)
+            for part in np.linspace(0.0, 1.0, 21)
+        )
         return most_n, most_v
 
     def _times_s(self) -> Array:
@@ -246,14 +301,15 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInsta
         # The episode goes on until every track has been shot at or has left.
         least_s = max(least_s, float(tracks.max(initial=0.0)) + float(tables.stand_s.min()))
         words = "tracks as drawn" if reports == "drawn" else "tracks as drawn, the tool strays"
-    moves = shortest_moves(
-        arm, shots.told_m, shots.aim_m, shots.slack_m, float(arm.scale[A.lean]), float(config.cart.moment_s)
-    )
+    hoped = None
+    if reports != "any":
+        perception = core.perception
+        hoped = hoped_shots(core, row, outcomes_of(config, perception, core.process))
     return WeedingInstance(
         shots=shots,
         arm=arm,
         longest_s=float(tables.stand_s.max()),
-        move_s=moves,
+        move_s=shortest(arm, config, shots),
         drawn=reports != "any",
         weeds=int(state.weeds[row]),
         worth=float(state.worth[row]),
@@ -262,4 +318,11 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInsta
         core=core if reports == "drawn" and core.worlds == 1 else None,
         config=config,
         words=words,
+        hoped=hoped,
     )
+
+
+def shortest(arm: Any, config: Any, shots: Shots) -> Array:
+    """No way (J,) to an option is shorter."""
+    lean_m, moment_s = float(arm.scale[A.lean]), float(config.cart.moment_s)
+    return shortest_moves(arm, shots.told_m, shots.aim_m, shots.slack_m, lean_m, moment_s)
