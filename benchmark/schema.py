@@ -130,7 +130,8 @@ _MAY = {
     "curve": _NUMBERS,
     **dict.fromkeys(("last_s", "decision_p95_ms", "decision_before_last_s"), _NUMBER),
 }
-_BOUND_MAY = {"method": _TEXT, "proven": _FLAG, "gap": _KNOWN, "cycle_time_s": _KNOWN}
+_BOUND_MAY = {"method": _TEXT, "proven": _FLAG, "gap": _KNOWN, "cycle_time_s": _KNOWN, "expected": _OBJECT}
+_EXPECTED = {"net_rate": _KNOWN, "episode_return": _KNOWN, "method": _TEXT, "estimated": _FLAG}
 
 
 def _fault(found: Any, bounds: bool) -> str:
@@ -148,7 +149,9 @@ def _fault(found: Any, bounds: bool) -> str:
         return ""
     if bounds:
         values = found.get("bound")
-        return _first(found, _BOUND, True) or _first(values, _BOUND_VALUES, True) or _first(values, _BOUND_MAY, False)
+        fault = _first(found, _BOUND, True) or _first(values, _BOUND_VALUES, True)
+        fault = fault or _first(values, _BOUND_MAY, False)
+        return fault or (_first(values["expected"], _EXPECTED, True) if "expected" in values else "")
     return _first(found, _EPISODE, True) or _first(found, _MAY, False) or _inside(found)
 
 

@@ -62,8 +62,10 @@ class Row:
             ``decision_ms`` (mean of an episode's decisions) and ``decision_p95_ms``, with intervals.
         iqm: interquartile mean of ``MAIN``.
         differences: of ``MAIN`` to the reference on the same seeds; empty for the reference and without it.
-        gaps: to the bound on the same seeds, none of them below 0: bound minus policy for ``net_rate`` and ``return``,
-            policy minus bound at its own net rate for ``cycle_time_s``. Empty where there is no bound.
+        gaps: to the bounds on the same seeds. Bound in expectation minus policy for ``net_rate`` and ``return``: its
+            mean is not below 0, on some seeds it may be. With all luck known, none below 0: bound minus policy for
+            ``clairvoyant_net_rate`` and ``clairvoyant_return``, policy minus bound at its own net rate for
+            ``cycle_time_s``. Of ``BOUND`` itself the two ``clairvoyant_``. Empty where there is no bound.
         over_rules: of a learned policy: its return minus that of every other policy, on the same seeds.
         rivals: the best rule and the best planner by mean return, by ``RIVALS``; what there is none of is missing.
         over: of ``HELD`` to each of them on the same seeds, by ``RIVALS`` and score; a policy is not held against
@@ -237,11 +239,20 @@ class _RowMaker:
         )
 
     def bound(self) -> Row:
-        """Means of the bounds; cycle times are bounded at a policy's own net rate only, so there is none here."""
+        """Means of the bounds in expectation, and how far those with all luck known are above them.
+
+        Cycle times are bounded at a policy's own net rate only, so there is none here.
+        """
         known = [self.known[seed] for seed in sorted(self.known)]
-        columns = {"net_rate": [each.net_rate for each in known], "return": [each.episode_return for each in known]}
-        scores = {name: mean([np.nan if x is None else x for x in column]) for name, column in columns.items()}
-        return Row(self.group, BOUND, self.reference, len(known), scores, charged=self.charged)
+        hope = {
+            "net_rate": [_or_nan(each.expected_net_rate) for each in known],
+            "return": [_or_nan(each.expected_return) for each in known],
+        }
+        scores, gaps = (
+            {name: mean(column) for name, column in hope.items()},
+            _clairvoyant(known, hope["net_rate"], hope["return"]),
+        )
+        return Row(self.group, BOUND, self.reference, len(known), scores, gaps=gaps, charged=self.charged)
 
     @cached_property
     def rivals(self) -> dict[str, str]:
@@ -268,13 +279,26 @@ class _RowMaker:
         shared = [(own[seed], self.known[seed]) for seed in sorted(own.keys() & self.known.keys())]
         if not shared:
             return {}
+        own_limits = [limit for _, limit in shared]
         net_rate = [values.get("net_rate", np.nan) for values, _ in shared]
+        returns = [values["return"] for values, _ in shared]
         cycle_s = [values.get("cycle_time_s", np.nan) for values, _ in shared]
-        shortest_s = [limit.cycle_time_s(rate) for rate, (_, limit) in zip(net_rate, shared, strict=True)]
-        most = [np.nan if limit.net_rate is None else limit.net_rate for _, limit in shared]
-        best = [np.nan if limit.episode_return is None else limit.episode_return for _, limit in shared]
+        shortest_s = [limit.cycle_time_s(rate) for rate, limit in zip(net_rate, own_limits, strict=True)]
         return {
-            "net_rate": paired_difference(most, net_rate),
+            "net_rate": paired_difference([_or_nan(limit.expected_net_rate) for limit in own_limits], net_rate),
             "cycle_time_s": paired_difference(cycle_s, shortest_s),
-            "return": paired_difference(best, [values["return"] for values, _ in shared]),
+            "return": paired_difference([_or_nan(limit.expected_return) for limit in own_limits], returns),
+            **_clairvoyant(own_limits, net_rate, returns),
         }
+
+
+def _or_nan(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
+def _clairvoyant(known: Sequence[Limit], net_rate: Sequence[float], returns: Sequence[float]) -> dict[str, Difference]:
+    """How far the bounds with all luck known are above net rates and returns on the same fields."""
+    return {
+        "clairvoyant_net_rate": paired_difference([_or_nan(each.net_rate) for each in known], net_rate),
+        "clairvoyant_return": paired_difference([_or_nan(each.episode_return) for each in known], returns),
+    }

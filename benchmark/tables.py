@@ -31,7 +31,7 @@ class Column:
         name: the score.
         scale: factor from the score's unit to the shown one.
         digits: decimals.
-        kind: ``"mean"``, ``"iqm"`` (interquartile mean), ``"gap"`` (paired, to the bound), one of ``DIFFERENCES``
+        kind: ``"mean"``, ``"iqm"`` (interquartile mean), ``"gap"`` (paired, to the bounds), one of ``DIFFERENCES``
             (paired, to the reference, the best rule, the best planner), or ``"wins"`` (share of the fields on which the
             return is larger; its ``name`` says than whose), or ``"front"`` (whether it is on the Pareto front).
     """
@@ -92,6 +92,7 @@ COLUMNS = (
     Column("difference, s", "cycle_time_s", 1.0, 2, "difference"),
     Column("return", "return", 1.0, 3),
     Column("gap to bound, points", "net_rate", 100.0, 2, "gap"),
+    Column("to clairvoyant, points", "clairvoyant_net_rate", 100.0, 2, "gap"),
     Column("front", "front", 1.0, 0, "front"),
     Column("ms a decision", "decision_ms", 1.0, 2),
 )
@@ -149,6 +150,8 @@ MARKDOWN: tuple[tuple[str, tuple[Column, ...]], ...] = (
         (
             Column("net rate, points", "net_rate", 100.0, 2, "gap"),
             Column("return", "return", 1.0, 3, "gap"),
+            Column("to clairvoyant: net rate, points", "clairvoyant_net_rate", 100.0, 2, "gap"),
+            Column("to clairvoyant: return", "clairvoyant_return", 1.0, 3, "gap"),
             Column("cycle time at its own net rate, s", "cycle_time_s", 1.0, 2, "gap"),
         ),
     ),
@@ -161,7 +164,8 @@ LEGEND = (
     "cycle, one of them better. "
     "Energy is the tool's and the positive mechanical work of the motors that move it, estimated; no losses, no "
     "driving. "
-    f"The row {BOUND}: what no policy can beat, its figures need not be reachable together."
+    f"The row {BOUND}: what no policy can beat on average, its figures need not be reachable together. Clairvoyant: "
+    "what nobody can beat on any field who knows all of its luck."
 )
 
 

@@ -19,9 +19,14 @@ from ..envs.safflower.config import EFFORTS, SafflowerConfig
 from ..envs.safflower.core import SafflowerCore
 from ..envs.safflower.process import Shears, collected_share, cut_share, dropped_share
 from ..envs.safflower.timing import DRIVE, P, legs_s, levels_s, standing_s
-from .base import Bound, check_method, check_start
+from .base import Bound, Expectation, Found, check_method, check_start
 from .stops import EXACT_TARGETS, Array, Stop, largest, shortest_cycle
 from .wilting import Closing, most
+
+
+HOPED = "cuts and suction by their means"
+_LUCKS = 12
+"""Nodes of the quadrature over a head's normal luck."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +35,7 @@ class PickerInstance:
 
     Attributes:
         stops: what each stop offers; ``gain`` in grams, ``other`` what a pick loses, in reward.
+        hoped: the same on average over both lucks of each head.
         config: the task's numbers.
         total_g: filaments of all open heads.
         already_s: time that has passed before the first decision.
@@ -38,6 +44,7 @@ class PickerInstance:
     """
 
     stops: list[Stop]
+    hoped: list[Stop]
     config: SafflowerConfig
     total_g: float
     already_s: float
@@ -49,9 +56,9 @@ class PickerInstance:
         """The last decision begins before this, counted from the first one."""
         return self.config.scenario.time_limit_s - self.already_s
 
-    def worths(self) -> list[Array]:
-        """Reward of every option, its time not counted, (n, E) a stop."""
-        return [self.config.weights.collected_g * stop.gain + stop.other for stop in self.stops]
+    def worths(self, stops: list[Stop]) -> list[Array]:
+        """Reward of every option of some stops, its time not counted, (n, E) a stop."""
+        return [self.config.weights.collected_g * stop.gain + stop.other for stop in stops]
 
     def bound(self, method: str = "relaxation", time_limit_s: float = 60.0) -> Bound:
         """What no policy can beat; see ``Instance``.
@@ -64,7 +71,7 @@ class PickerInstance:
         if second < 0.0:
             raise ValueError(f"weights.seconds = {-second}: the bound needs a reward that does not pay for time")
         began = time.perf_counter()
-        gains, worths = [stop.gain for stop in self.stops], self.worths()
+        gains, worths = [stop.gain for stop in self.stops], self.worths(self.stops)
         grams, proven_g = largest(self.stops, gains, self.budget_s, reach_end=False)
         value, proven_v = largest(self.stops, worths, self.budget_s, second)
         words = f"Lagrangian relaxation of time, routes exact up to {EXACT_TARGETS} heads a stop; {self.relaxed}"
@@ -79,7 +86,11 @@ class PickerInstance:
         proven = proven and self.exact
         net_rate = min(grams / max(self.total_g, 1e-12), 1.0)
         cycle_s = self.cycle_time_at(net_rate)
-        return Bound(net_rate, value, cycle_s, words, proven, gap, time.perf_counter() - began)
+        hoped_g, _ = largest(self.hoped, [stop.gain for stop in self.hoped], self.budget_s, reach_end=False)
+        hoped_v, _ = largest(self.hoped, self.worths(self.hoped), self.budget_s, second)
+        hope = Expectation(hoped_g / max(self.total_g, 1e-12), hoped_v, HOPED, False)
+        found = Found(net_rate, value) if proven else None
+        return Bound(net_rate, value, cycle_s, words, proven, gap, time.perf_counter() - began, hope, found)
 
     def cycle_time_at(self, net_rate: float) -> float:
         """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had."""
@@ -112,11 +123,15 @@ class BagInstance(PickerInstance):
             raise ValueError("weights: the bound needs a reward that pays neither for time nor for losses")
         began = time.perf_counter()
         grams = self._most([stop.gain for stop in self.stops], 0.0)
-        value = self._most(self.worths(), -weights.seconds)
+        value = self._most(self.worths(self.stops), -weights.seconds)
+        # What is emptied is known, what is gained is not.
+        hoped_g = self._most([stop.gain for stop in self.hoped], 0.0)
+        hoped_v = self._most(self.worths(self.hoped), -weights.seconds)
+        hope = Expectation(hoped_g / max(self.total_g, 1e-12), hoped_v, HOPED, False)
         net_rate = min(grams / max(self.total_g, 1e-12), 1.0)
         words = f"shares of picks by the time they close, stops by dynamic programming; no clogging, {self.relaxed}"
         cycle_s = self.cycle_time_at(net_rate)
-        return Bound(net_rate, value, cycle_s, words, False, math.nan, time.perf_counter() - began)
+        return Bound(net_rate, value, cycle_s, words, False, math.nan, time.perf_counter() - began, hope)
 
     def _most(self, worths: list[Array], second: float) -> float:
         """Largest sum of worths; the clock is set back by the emptying that the first bag does not need."""
@@ -145,7 +160,8 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
     check_start(reports, core.state.head_visited[row].any() or core.state.stop[row] != 0)
     config = core.config
     read = _drawn if reports == "drawn" else _any
-    stops, heads = zip(*(read(core, row, stop) for stop in range(config.scenario.stops)), strict=True)
+    stops, heads = zip(*(read(core, row, stop, False) for stop in range(config.scenario.stops)), strict=True)
+    hoped = [read(core, row, stop, True)[0] for stop in range(config.scenario.stops)]
     mass = core.state.head_mass_g[row]
     relaxed = "all candidates of a stop shown" if reports == "drawn" else "any reports, so no error and second visits"
     shown = int(np.diff(core.state.first[row]).max())
@@ -153,26 +169,27 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
     if exact:
         relaxed = "every candidate fits into the slots"
     if not config.scenario.demanding:
-        return PickerInstance(list(stops), config, float(mass.sum()), config.process.recognise_s, relaxed, exact)
+        return PickerInstance(list(stops), hoped, config, float(mass.sum()), config.process.recognise_s, relaxed, exact)
     closes_s = [core.state.head_closes_s[row, here] for here in heads]
     carried_s = [_carried_s(core, row, here, stop, reports) for here, stop in zip(heads, stops, strict=True)]
     return BagInstance(
-        list(stops), config, float(mass.sum()), config.process.recognise_s, relaxed, False, closes_s, carried_s
+        list(stops), hoped, config, float(mass.sum()), config.process.recognise_s, relaxed, False, closes_s, carried_s
     )
 
 
-def _drawn(core: SafflowerCore, row: int, stop: int) -> tuple[Stop, NDArray[np.int64]]:
-    """A stop with the reports that lie in the rules, and the heads behind them."""
+def _drawn(core: SafflowerCore, row: int, stop: int, mean: bool) -> tuple[Stop, NDArray[np.int64]]:
+    """A stop with the reports that lie in the rules, ``mean``: over the heads' lucks; and the heads behind them."""
     tracks = np.arange(core.state.first[row, stop], core.state.first[row, stop + 1])
     head = core.state.track_head[row, tracks]
     target = core.state.track_target[row, tracks]
     error = core.state.head_position[row, head] - target
-    gain = _gains(core.config, error, core.state.head_mass_g[row, head], core.state.head_odds[row, head])
+    odds = None if mean else core.state.head_odds[row, head]
+    gain = _gains(core.config, error, core.state.head_mass_g[row, head], odds)
     use = core.state.track_legal[row, tracks] & (gain.max(axis=1) > 0.0)
     return _stop(core, stop, target[use], gain[use], core.state.head_mass_g[row, head][use], slack_m=0.0), head[use]
 
 
-def _any(core: SafflowerCore, row: int, stop: int) -> tuple[Stop, NDArray[np.int64]]:
+def _any(core: SafflowerCore, row: int, stop: int, mean: bool) -> tuple[Stop, NDArray[np.int64]]:
     """A stop with every head that a report near its window could stand for, found without error, and these heads."""
     config, centre = core.config, stop_centres(core.config.scenario)
     slack = config.process.capture_radius_m
@@ -183,7 +200,7 @@ def _any(core: SafflowerCore, row: int, stop: int) -> tuple[Stop, NDArray[np.int
     near = ((along >= low) | (stop == 0)) & ((along <= high) | (stop == len(centre) - 1))
     heads = np.flatnonzero(near & (core.state.head_mass_g[row] > 0.0))
     mass = core.state.head_mass_g[row, heads]
-    gain = _gains(config, np.zeros((len(heads), 3)), mass, core.state.head_odds[row, heads])
+    gain = _gains(config, np.zeros((len(heads), 3)), mass, None if mean else core.state.head_odds[row, heads])
     return _stop(core, stop, core.state.head_position[row, heads], gain, mass, slack_m=slack), heads
 
 
@@ -210,16 +227,23 @@ def _carried_s(core: SafflowerCore, row: int, heads: NDArray[np.int64], stop: St
     return bag.empty_s * least / (bag.capacity_g + most_g)
 
 
-def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array) -> Array:
-    """Grams (n, E) that each effort brings."""
+def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array | None) -> Array:
+    """Grams (n, E) that each effort brings, with the heads' lucks (n, 2) or, without them, on average."""
     process, shears = config.process, Shears.of(config.process)
+    chance, luck = np.ones(1), np.ones((len(mass), 1, 2))
+    if odds is not None:
+        luck = odds[:, None]
+    elif process.luck_logit > 0.0:
+        normal, chance = np.polynomial.hermite_e.hermegauss(_LUCKS)
+        chance, luck = chance / chance.sum(), np.exp(process.luck_logit * normal)[None, :, None] + np.zeros_like(luck)
     gains = np.empty((len(mass), len(EFFORTS)))
     for effort, (strokes, suction_s) in enumerate(zip(process.strokes, process.suction_s, strict=True)):
         dropped = dropped_share(process, suction_s)
-        for head, (off, grams, (to_cut, to_collect)) in enumerate(zip(error, mass, odds, strict=True)):
-            along, across, up = off
-            cut = grams * cut_share(shears, float(strokes), along, across, up, to_cut)
-            gains[head, effort] = cut * collected_share(dropped, to_collect)
+        for head, ((along, across, up), grams) in enumerate(zip(error, mass, strict=True)):
+            cut = [cut_share(shears, float(strokes), along, across, up, to_cut) for to_cut in luck[head, :, 0]]
+            kept = [collected_share(dropped, to_collect) for to_collect in luck[head, :, 1]]
+            # The two lucks have nothing to do with each other.
+            gains[head, effort] = grams * float(chance @ cut) * float(chance @ kept)
     return gains
 
 

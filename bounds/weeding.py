@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -102,9 +102,6 @@ class WeedingInstance:
         gap = max(relative_gap(kills, found_n), relative_gap(value, found_v)) if self.core is not None else math.nan
         net_rate = kills / (self.worth or 1.0)
         cycle_s = self.cycle_time_at(net_rate)
-        if hope is not None:
-            # What nobody can beat who knows the luck, nobody can beat on average either.
-            hope = replace(hope, net_rate=min(hope.net_rate, net_rate), episode_return=min(hope.episode_return, value))
         spent_s = time.perf_counter() - began
         return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", gap == 0.0, gap, spent_s, hope)
 

@@ -28,6 +28,7 @@ COLUMNS = (
     Column("larger on, %", "reference", 100.0, 1, "wins"),
     Column("front", "front", 1.0, 0, "front"),
     Column("below bound, points", "net_rate", 100.0, 2, "gap"),
+    Column("below clairvoyant, points", "clairvoyant_net_rate", 100.0, 2, "gap"),
     Column("ms a decision", "decision_ms", 1.0, 2),
 )
 

@@ -319,12 +319,17 @@ def _bound_words(records: Sequence[Record]) -> BoundWords | None:
         if limit.net_rate is not None
     ]
     told = [record["bound"] for record in records]
+    hopes = [item["expected"] for item in told if "expected" in item]
     return BoundWords(
         frontier=np.mean(frontiers, axis=0) if frontiers else np.zeros((0, 2)),
-        methods=tuple(dict.fromkeys(str(item["method"]) for item in told if item.get("method"))),
+        methods=(*_methods(told), *(f"on average: {words}" for words in _methods(hopes))),
         proven=float(np.mean([bool(item.get("proven")) for item in told])),
         wall_s=float(np.mean([float(record.get("wall_s", math.nan)) for record in records])),
     )
+
+
+def _methods(told: Sequence[Mapping[str, Any]]) -> list[str]:
+    return list(dict.fromkeys(str(item["method"]) for item in told if item.get("method")))
 
 
 def _comparison(headline: Tier, pairs: Sequence[tuple[Tier, Tier]]) -> Comparison | None:

@@ -140,7 +140,7 @@ def _verdict(tier: Tier) -> Markup:
     if tier.bound is not None and gap is not None and math.isfinite(gap.value):
         most, left = FIGURES["net_rate"].cell(tier.bound)[0], f"{100.0 * abs(gap.value):.2f}"
         said.append(
-            f"No policy can pass {most} %: "
+            f"No policy can pass {most} % on average: "
             + ("it is reached. " if float(left) == 0.0 else f"at most {left} points are left. ")
         )
     else:
