@@ -39,7 +39,8 @@ class Stream(NamedTuple):
         hold_s: (n,), from the approach's end until it is lifted.
         least_s: (n,), no approach and no way to its bin is shorter.
         known_s: (n,), no decision to pick it before this; as late as that does not matter (see ``decided_late``).
-        bin: (n,), where it goes.
+        bin: (n,), where it goes; behind the last of the ``Belt.places`` where the grip holds nothing: then the machine
+            rests over the belt, and may do so anywhere.
         gain: (n,), what that is worth, > 0.
         slack_m: taken off every distance between machine and thing.
     """
@@ -75,16 +76,22 @@ def finish_s(belt: Belt, stream: Stream, j: int, place: int, time_s: float) -> f
     """When thing ``j`` lies in its bin if it is decided for at ``time_s``; infinite where that is too late."""
     paces, slack, least = belt.paces, stream.slack_m, stream.least_s[j]
     v, pace, square_pace = paces.speed_m_s, paces.pace, paces.square_pace
-    x, y = belt.places[place, 0], belt.places[place, 1]
     start_s = max(time_s, stream.known_s[j])
     now = (start_s - stream.passing_s[j]) * v
-    across, first = stream.across_m[j] - y, stream.first_m[j] - x
-    approach = approach_s(v, now - x, first, 0.0, across * across, slack, pace, square_pace, least, GUESS_S)
+    if place < len(belt.places):
+        x, y = belt.places[place, 0], belt.places[place, 1]
+        across, first = stream.across_m[j] - y, stream.first_m[j] - x
+        approach = approach_s(v, now - x, first, 0.0, across * across, slack, pace, square_pace, least, GUESS_S)
+    else:
+        # Where it stands is not known, nor how it is turned: it may be over the thing already.
+        approach = paces.shortest_s
     meet = max(now + v * approach, stream.first_m[j])
     if meet > stream.last_m[j] or start_s >= belt.limit_s:
         return np.inf
     wait = max((meet - now) / v - approach, 0.0)
     to = stream.bin[j]
+    if to == len(belt.places):
+        return start_s + wait + approach + stream.hold_s[j] + paces.stop_s
     bin_x, aside = belt.places[to, 0], belt.places[to, 1] - stream.across_m[j]
     way = bin_x - meet - v * stream.hold_s[j]
     guess = stroke_s(math.sqrt(bin_x * bin_x + aside * aside), pace, square_pace)
@@ -119,7 +126,9 @@ def best_picks(belt: Belt, stream: Stream, most: int) -> tuple[float, Array, NDA
     deadline = np.empty(n)
     for j in range(n):
         deadline[j] = stream.passing_s[j] + stream.last_m[j] / belt.paces.speed_m_s
-    between = np.zeros((len(belt.places), len(belt.places)))
+    # Who may be anywhere is nowhere later than those who stand somewhere.
+    between = np.zeros((len(belt.places) + 1, len(belt.places) + 1))
+    between[: len(belt.places), len(belt.places)] = np.inf
     for a in range(len(belt.places)):
         for b in range(len(belt.places)):
             along, across = belt.places[a, 0] - belt.places[b, 0], belt.places[a, 1] - belt.places[b, 1]
@@ -183,12 +192,12 @@ def best_picks(belt: Belt, stream: Stream, most: int) -> tuple[float, Array, NDA
 @compiled
 def expand(belt: Belt, stream: Stream, tick_s: float) -> tuple[Numbers, Indices, Indices, Numbers, Array, int]:
     """The same as a time-expanded graph, times rounded down; see ``timeline.Timeline``. Options are the things."""
-    n, places = len(stream.gain), len(belt.places)
+    n, places = len(stream.gain), len(belt.places) + 1
     last = 0.0
     for j in range(n):
         last = max(last, stream.passing_s[j] + stream.last_m[j] / belt.paces.speed_m_s)
     ticks = int(last / tick_s) + 2
-    nodes, bins = ticks * places, places - 1
+    nodes, bins = ticks * places, len(belt.places) - 1
     first, wait, end_s = np.zeros(nodes + 1, np.int64), np.empty(nodes, np.int64), np.empty(nodes)
     room = 0
     for j in range(n):

@@ -21,7 +21,7 @@ from ..envs.sorting.columns import NUMBER, REWARD, TOTAL, TRUTH
 from ..envs.sorting.config import SortingConfig
 from ..envs.sorting.state import Tables
 from ..envs.sorting.timing import hold_s, stroke_s
-from .base import Bound, check_method, check_start, relative_gap, state_of
+from .base import Bound, Expectation, check_method, check_start, relative_gap, state_of
 from .belt import Belt, Stream, best_picks, decided_late, expand, finish_s
 from .packing import Lines, most_filled, priced_orders
 from .timeline import Timeline, priced
@@ -32,6 +32,9 @@ MOST_LABELS, FEW_LABELS = 20_000, 1_000
 """Schedules that are told apart before the search gives way to a bound by prices: with reports as drawn, where hundreds
 are enough, and with any reports."""
 TICK_S = 0.02
+SAVED = 0.2
+"""What the time is worth, in things placed, that a grip which holds nothing saves: any number gives a bound [chosen on
+tuned seeds]."""
 STRAY_M, STRAY_RAD = 5e-5, 1e-3
 """How far the simulated platform may be from where it was sent when the fingers close. Over 152 picks it was 6 um and
 0.1 mrad at most; ten times that is allowed for."""
@@ -52,6 +55,8 @@ class SortingInstance:
         seen_s: (M,), when it enters them.
         words: what was assumed of the camera.
         lines: what is ordered; None where every item counts.
+        hoped: what can be tried, by what it brings on average; ``gain`` in reward. None where reports are not drawn.
+        hoped_count: (n,), the same in things placed.
     """
 
     belt: Belt
@@ -64,6 +69,8 @@ class SortingInstance:
     seen_s: Array
     words: str
     lines: Lines | None = None
+    hoped: Stream | None = None
+    hoped_count: Array | None = None
 
     def bound(self, method: str = "relaxation", time_limit_s: float = 30.0) -> Bound:
         """What no policy can beat; see ``Instance``. Both methods are the same: the search is complete where it can be.
@@ -91,7 +98,15 @@ class SortingInstance:
         searched = proven_n and proven_v
         words = "all orders of picks, by dominance over the sets picked" if searched else "paths in time, items priced"
         proven = searched and gap == 0.0
-        return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", proven, gap, time.perf_counter() - began)
+        hope = None
+        if self.hoped is not None and self.hoped_count is not None:
+            brought = self.hoped._replace(gain=self.hoped_count)
+            brought_n, brought_v = (
+                _best(self.belt, stream, self.labels, time_limit_s)[0] for stream in (brought, self.hoped)
+            )
+            hope = Expectation(brought_n / max(self.items, 1), brought_v, "grips and ways by their chances", False)
+        spent_s = time.perf_counter() - began
+        return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", proven, gap, spent_s, hope)
 
     def _packed(self, lines: Lines, counted: Stream, time_limit_s: float) -> Bound:
         """The bound where things fill order lines: by number, where surplus is nothing, and by value."""
@@ -207,9 +222,13 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
         return SortingInstance(belt, ready, items, config, FEW_LABELS, False, nothing, nothing, words, lines)
     there = worlds.queue[row, : worlds.queued[row]]
     stray = (0.0, 0.0) if reports == "drawn" else (STRAY_M, STRAY_RAD)
-    held = _held(worlds, tables, row, there, *stray)
-    grade = worlds.item_truth[row, worlds.report_item[row, there], TRUTH.grade]
-    right = held & (grade == worlds.report_grade[row, there])
+    quality = _quality(worlds, tables, row, there, *stray)
+    truth = worlds.item_truth[row, worlds.report_item[row, there]]
+    held = truth[:, TRUTH.grip_luck] < tables.fingers.best * quality
+    kept = truth[:, TRUTH.way_luck] >= tables.fingers.slip * (1.0 - quality)
+    of_grade = truth[:, TRUTH.grade] == worlds.report_grade[row, there]
+    right = held & kept & of_grade
+    hoped, count = _hoped(_drawn(worlds, tables, row, there), tables, len(places), quality, held, of_grade)
     words = "reports as drawn" if reports == "drawn" else "reports as drawn, the platform strays"
     return SortingInstance(
         belt,
@@ -222,6 +241,8 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
         worlds.seen_s[row, there].copy(),
         words,
         lines,
+        _ready(belt, hoped),
+        _ready(belt, hoped._replace(gain=count)).gain,
     )
 
 
@@ -232,8 +253,39 @@ def _ready(belt: Belt, stream: Stream) -> Stream:
     return decided_late(belt, Stream(**parts, slack_m=stream.slack_m))
 
 
-def _held(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64], stray_m: float, stray_rad: float) -> Any:
-    """Whether the fingers hold and keep what is behind each report when the platform strays as is best."""
+def _hoped(
+    stream: Stream, tables: Any, nowhere: int, quality: Array, held: NDArray[np.bool_], right: NDArray[np.bool_]
+) -> tuple[Stream, Array]:
+    """What picks bring on average in reward and, (n,), in things placed, of those that bring something.
+
+    What time they take is as it is drawn: a grip that holds nothing goes on from the belt, sooner. Who knows that is
+    charged for it, and paid for grips that hold, so that it comes to nothing on average (``SAVED``).
+
+    Args:
+        stream: the reports.
+        tables: what the rules look up.
+        nowhere: bin of what is not held.
+        quality: (n,), of the grips.
+        held: (n,), what is.
+        right: (n,), what is of the grade that is reported.
+    """
+    weights, fingers = tables.weights, tables.fingers
+    holds, slips = np.minimum(fingers.best * quality, 1.0), np.minimum(fingers.slip * (1.0 - quality), 1.0)
+    saved = SAVED * (held - holds)
+    placed = holds * (1.0 - slips) * right
+    misplaced = holds * (1.0 - slips) * ~right
+    value = placed * stream.gain + misplaced * float(weights[REWARD.misplaced])
+    value += holds * slips * float(weights[REWARD.dropped]) + (1.0 - holds) * float(weights[REWARD.wasted])
+    value += saved * float(weights[REWARD.placed]) * float(np.mean(tables.values))
+    use = (holds > 0.0) & ((value > 0.0) | (placed + saved > 0.0))
+    bins = np.where(held, stream.bin, nowhere)
+    parts = {name: getattr(stream, name)[use] for name in Stream._fields if name not in ("slack_m", "gain", "bin")}
+    count = np.maximum(placed + saved, 0.0)[use]
+    return Stream(**parts, bin=bins[use], gain=np.maximum(value, 0.0)[use], slack_m=stream.slack_m), count
+
+
+def _quality(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64], stray_m: float, stray_rad: float) -> Any:
+    """How well the fingers fit what is behind each report when the platform strays as is best; 0 where they cannot."""
     number, truth = worlds.number[row, reports], worlds.item_truth[row, worlds.report_item[row, reports]]
     x_axis = number[:, NUMBER.x_axis_x : NUMBER.x_axis_x + 3]
     z_axis = number[:, NUMBER.z_axis_x : NUMBER.z_axis_x + 3]
@@ -255,9 +307,7 @@ def _held(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64], stray_
     exponent = radial**2 * fingers.radial_per_m2 + height**2 * fingers.height_per_m2 + misfit * fingers.misfit
     quality = np.exp(exponent) * (radial**2 <= fingers.capture_m2)
     real = worlds.report_item[row, reports] < worlds.item_truth.shape[1] - 1
-    held = truth[:, TRUTH.grip_luck] < fingers.best * quality
-    kept = truth[:, TRUTH.way_luck] >= fingers.slip * (1.0 - quality)
-    return real & held & kept & np.isfinite(number[:, NUMBER.last_m])
+    return np.where(real & np.isfinite(number[:, NUMBER.last_m]), quality, 0.0)
 
 
 def _drawn(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64]) -> Stream:
