@@ -24,7 +24,8 @@ from ..envs.transplanting.columns import E, H, L, W
 from ..envs.transplanting.config import EMPTY, HEALTHY, POOR, TransplantingConfig
 from ..envs.transplanting.core import TransplantingCore
 from ..envs.transplanting.timing import CLEARING, STRAIGHT, Places, Times, above
-from .base import Bound, check_method, check_start, relative_gap, state_of
+from .base import Bound, Expectation, check_method, check_start, relative_gap, state_of
+from .plugs import Attempts, most_by_shares
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -70,6 +71,7 @@ class TrayInstance:
         times: how long everything takes.
         config: the task's numbers.
         drawn: whether the cameras' reports are those that were drawn.
+        attempts: what comes of carrying a plug, by its chances.
     """
 
     plug_speed: Numbers
@@ -85,6 +87,7 @@ class TrayInstance:
     times: Times
     config: TransplantingConfig
     drawn: bool
+    attempts: Attempts
 
     @property
     def most(self) -> int:
@@ -111,7 +114,26 @@ class TrayInstance:
             gaps = relative_gap(net_rate, rate), relative_gap(value, found)
             gap = math.nan if math.isnan(rate) else max(gaps)
         words = f"{_WORDS}; {'reports as drawn' if self.drawn else 'any reports'}"
-        return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, time.perf_counter() - began)
+        hope = self._expectation()
+        return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, time.perf_counter() - began, hope)
+
+    def _expectation(self) -> Expectation:
+        """The same where nobody knows what will come of a plug, but its chances."""
+        weights, limit = self.config.weights, self.config.scenario.time_limit_s
+        second, spoiled = -weights.seconds, -weights.spoiled
+        cells, _ = self._cells(second)
+        # Every plug that is gripped goes to a cell, filled or not: the least share of one is the plug's.
+        cell, attempts = np.concatenate(cells) - second * float(self.shares.cell_s.min()), self.attempts
+        planted = most_by_shares(attempts, np.zeros_like(attempts.plug_s), np.zeros(len(cell)), np.zeros(1), 1.0)
+        # A plug that is tried in a row that is left does not leave with it.
+        used = spoiled * (1.0 - attempts.good)[:, None] + second * attempts.plug_s
+        moves = np.concatenate([[0.0], np.cumsum(second * self.source_s[:-1] + spoiled * self.supply[:-1])])
+        finished = most_by_shares(attempts, used, cell, moves, weights.planted, left=spoiled)
+        finished -= second * (float(self.target_s.sum()) + self.shares.once_s + self.rise_s)
+        # Who plants nothing pays for the conveyor alone.
+        finished = max(finished, -second * float(self.target_s.sum()))
+        value = max(finished, weights.planted * planted - second * limit)
+        return Expectation((self.healthy + planted) / self.cell.size, value, "plugs by their chances", False)
 
     def cycle_time_at(self, net_rate: float) -> float:
         """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had."""
@@ -264,11 +286,13 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
     source, target = state.source_cells[row, :rows_s], state.target_cells[row, :rows_t]
     speed = fastest(core, row, source == HEALTHY)
     carry_s = np.ascontiguousarray(table.carry[..., W.s])
+    tried = source == HEALTHY
     cell = np.where(target == HEALTHY, SHUT, np.where(target == POOR, BLOCKED, OPEN))
     # The same prices whatever the cameras report: so knowing the reports never makes a bound weaker.
     prices = shares(core.places, table, speed, cell)
     if reports != "any":
         speed[state.source_reports[row, :rows_s] == EMPTY] = USELESS
+        tried &= state.source_reports[row, :rows_s] != EMPTY
         told = state.target_reports[row, :rows_t]
         cell[told == HEALTHY] = SHUT
         cell[(cell == BLOCKED) & (told == EMPTY)] = HIDDEN
@@ -290,6 +314,24 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
         times=table,
         config=config,
         drawn=reports != "any",
+        attempts=_attempts(core, prices, tried, reports, row),
+    )
+
+
+def _attempts(core: TransplantingCore, prices: Shares, use: NDArray[np.bool_], reports: str, row: int) -> Attempts:
+    """Chances of the healthy plugs that may be carried, ``use`` (rows, n)."""
+    state, times, extraction = state_of(core), core.times, core.config.process.extraction
+    chances, (rows, columns) = core.terms.chances, np.nonzero(use)
+    arrives = extraction * (1.0 - chances[:, H.lose])
+    # A cell whose plug has come to harm is as good as planted where it was reported healthy: nobody clears it.
+    told = (state.source_reports[row][rows, columns] == HEALTHY) & (reports != "any")
+    good = arrives * (1.0 - chances[:, H.damage])
+    return Attempts(
+        row=rows,
+        good=good,
+        fills=np.where(told, arrives[:, None], good[:, None]),
+        plug_s=extraction * (prices.plug_s[:, columns] + float(prices.cell_s.min()) + times.handle_s)
+        + (1.0 - extraction) * times.grip_s,
     )
 
 

@@ -1,0 +1,62 @@
+"""What the best use of plugs brings whose luck nobody knows: a linear programme over the chance that each is tried.
+
+Whatever a policy does, a plug is tried at a speed with some chance, and what comes of that does not depend on why. So
+means are linear in these chances: of what is planted, of the seconds, of the cells that are filled. Cells are filled
+once; a price on filling them makes the plugs independent, and any price gives a bound (linear programming duality).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+PRICES = 161
+"""Prices of a filled cell that are tried, from nothing to what a plant is worth."""
+
+
+class Attempts(NamedTuple):
+    """Plugs that may be tried, n of them, at S speeds.
+
+    Attributes:
+        row: (n,), source row of each.
+        good: (S,), chance that it arrives healthy.
+        fills: (S, n), chance that it fills a cell for good.
+        plug_s: (S, n), mean seconds of trying it, but for the share of the cell.
+    """
+
+    row: NDArray[np.int64]
+    good: Array
+    fills: Array
+    plug_s: Array
+
+
+def most_by_shares(
+    attempts: Attempts, used: Array, cell: Array, moves: Array, planted: float, left: float = 0.0
+) -> float:
+    """Largest mean of what is planted less what it costs.
+
+    Args:
+        attempts: the plugs.
+        used: (S, n), mean cost of trying each.
+        cell: (m,), cost of filling each cell, >= 0.
+        moves: (rows,), cost of getting to each source row; with a single one all rows are there from the beginning.
+        planted: worth of a healthy plant.
+        left: what is saved by a plug that was tried in a row that is left.
+    """
+    worth = planted * attempts.good[:, None] - used
+    prices = np.linspace(0.0, max(planted, 0.0) + left, PRICES)
+    # Filled at a price, each cell earns what it costs less.
+    filled = np.maximum(prices[:, None] - cell[None], 0.0).sum(axis=1)
+    tried = (worth[None] - prices[:, None, None] * attempts.fills[None]).max(axis=1)
+    rows = len(moves)
+    here, gone = np.zeros((PRICES, rows)), np.zeros((PRICES, rows))
+    row = attempts.row if rows > 1 else np.zeros_like(attempts.row)
+    np.add.at(here.T, row, np.maximum(tried, 0.0).T)
+    np.add.at(gone.T, row, np.maximum(tried + left, 0.0).T)
+    before = np.concatenate([np.zeros((PRICES, 1)), np.cumsum(gone, axis=1)[:, :-1]], axis=1)
+    totals = (before + here + filled[:, None]).min(axis=0) - moves
+    return float(totals.max())
