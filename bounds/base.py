@@ -28,6 +28,19 @@ class Expectation:
 
 
 @dataclass(frozen=True)
+class Found:
+    """What schedules that know everything got from the task's own rules; the two figures may be of two schedules.
+
+    Attributes:
+        net_rate: largest net rate.
+        episode_return: largest return.
+    """
+
+    net_rate: float
+    episode_return: float
+
+
+@dataclass(frozen=True)
 class Bound:
     """What no policy can beat on one instance, its luck known; the three figures need not be reachable together.
 
@@ -41,6 +54,7 @@ class Bound:
         gap: relative gap between the best solution found and the bound, the larger of the two; NaN without a solver.
         wall_s: seconds that it took.
         expected: what nobody gets more than on average, who does not know the luck; None where that is not known.
+        found: what can be had; None where no schedule was carried out.
     """
 
     net_rate: float
@@ -51,6 +65,7 @@ class Bound:
     gap: float
     wall_s: float
     expected: Expectation | None = None
+    found: Found | None = None
 
 
 def state_of(core: Any) -> Any:

@@ -84,7 +84,7 @@ def hoped_shots(core: Any, row: int, tables: Outcomes) -> Shots:
             apart = float(faint[k, mode]) + (0.0 if k in place else float(own[k, mode]))
             stand_s, energy_j = float(core.tables.stand_s[mode]), float(core.tables.energy_j[mode])
             paid = float(top[k]) - apart
-            ways.append(Option(told[k], aim[k], 0.0, stand_s, float(cost[k, mode]), energy_j, shares, paid))
+            ways.append(Option(told[k], aim[k], 0.0, stand_s, float(cost[k, mode]), energy_j, shares, k, mode, paid))
         options += undominated(ways)
     worth = np.concatenate([top, most[shared]])
     return in_row(options, worth, whole=np.arange(len(worth)) < n)

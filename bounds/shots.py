@@ -48,6 +48,8 @@ class Shots(NamedTuple):
         energy_j: (J,).
         whole: (weeds,), whether shares count for nothing until they add up to 1; else they count as they are.
         advance: (J,), what the shot pays in advance for its shares, in worth.
+        track: (J,), -1 where none is known.
+        mode: (J,), likewise.
     """
 
     told_m: Array
@@ -63,6 +65,8 @@ class Shots(NamedTuple):
     energy_j: Array
     whole: Flags
     advance: Array
+    track: Numbers
+    mode: Numbers
 
     def option_of_share(self) -> Numbers:
         """Option (C,) of every share."""
@@ -104,6 +108,8 @@ class Option(NamedTuple):
     cost: float
     energy_j: float
     shares: dict[int, float]
+    track: int = -1
+    mode: int = -1
     advance: float = 0.0
 
 
@@ -131,6 +137,8 @@ def in_row(options: list[Option], worth: Array, whole: Flags | None = None) -> S
         energy_j=np.array([option.energy_j for option in options], float),
         whole=whole[weeds] if weeds else np.zeros(0, bool),
         advance=np.array([option.advance for option in options], float),
+        track=np.array([option.track for option in options], np.int64),
+        mode=np.array([option.mode for option in options], np.int64),
     )
 
 
@@ -198,6 +206,8 @@ def drawn_shots(core: Any, row: int, stray_m: float = 0.0) -> Shots:
                 energy_price * float(tables.energy_j[mode]) + crop_cost[track, mode],
                 float(tables.energy_j[mode]),
                 shares.get((track, mode), {}),
+                track,
+                mode,
             )
             for mode in range(MODES)
         ]

@@ -21,7 +21,7 @@ from ..envs.sorting.columns import NUMBER, REWARD, TOTAL, TRUTH
 from ..envs.sorting.config import SortingConfig
 from ..envs.sorting.state import Tables
 from ..envs.sorting.timing import hold_s, stroke_s
-from .base import Bound, Expectation, check_method, check_start, relative_gap, state_of
+from .base import Bound, Expectation, Found, check_method, check_start, relative_gap, state_of
 from .belt import Belt, Stream, best_picks, decided_late, expand, finish_s
 from .packing import Lines, most_filled, priced_orders
 from .timeline import Timeline, priced
@@ -90,10 +90,11 @@ class SortingInstance:
         value, order_v, proven_v = _best(self.belt, self.placed, self.labels, time_limit_s)
         most = math.floor(most + 1e-6)
         net_rate = most / max(self.items, 1)
-        gap = math.nan
+        gap, found = math.nan, None
         if self.drawn:
             found_n, found_v = self.carried_out(counted, order_n), self.carried_out(self.placed, order_v)
             gap = max(relative_gap(most, found_n), relative_gap(value, found_v))
+            found = Found(found_n / max(self.items, 1), found_v)
         cycle_s = self.cycle_time_at(net_rate)
         searched = proven_n and proven_v
         words = "all orders of picks, by dominance over the sets picked" if searched else "paths in time, items priced"
@@ -106,7 +107,7 @@ class SortingInstance:
             )
             hope = Expectation(brought_n / max(self.items, 1), brought_v, "grips and ways by their chances", False)
         spent_s = time.perf_counter() - began
-        return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", proven, gap, spent_s, hope)
+        return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", proven, gap, spent_s, hope, found)
 
     def _packed(self, lines: Lines, counted: Stream, time_limit_s: float) -> Bound:
         """The bound where things fill order lines: by number, where surplus is nothing, and by value."""

@@ -24,7 +24,7 @@ from ..envs.transplanting.columns import E, H, L, W
 from ..envs.transplanting.config import EMPTY, HEALTHY, POOR, TransplantingConfig
 from ..envs.transplanting.core import TransplantingCore
 from ..envs.transplanting.timing import CLEARING, STRAIGHT, Places, Times, above
-from .base import Bound, Expectation, check_method, check_start, relative_gap, state_of
+from .base import Bound, Expectation, Found, check_method, check_start, relative_gap, state_of
 from .plugs import Attempts, most_by_shares
 
 Array = NDArray[np.float64]
@@ -108,14 +108,15 @@ class TrayInstance:
         planted = self._most_in_time()
         net_rate = (self.healthy + planted) / self.cell.size
         value, cycle_s = self._largest_return(planted), self.cycle_time_at(net_rate)
-        gap = math.nan
+        gap, found = math.nan, None
         if self.drawn:
-            rate, found = carried_out(self, planted)
-            gaps = relative_gap(net_rate, rate), relative_gap(value, found)
-            gap = math.nan if math.isnan(rate) else max(gaps)
+            found = Found(*carried_out(self, planted))
+            gaps = relative_gap(net_rate, found.net_rate), relative_gap(value, found.episode_return)
+            gap = math.nan if math.isnan(found.net_rate) else max(gaps)
+            found = None if math.isnan(found.net_rate) else found
         words = f"{_WORDS}; {'reports as drawn' if self.drawn else 'any reports'}"
         hope = self._expectation()
-        return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, time.perf_counter() - began, hope)
+        return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, time.perf_counter() - began, hope, found)
 
     def _expectation(self) -> Expectation:
         """The same where nobody knows what will come of a plug, but its chances."""

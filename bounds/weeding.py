@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from ..envs.weeding.outcomes import outcomes_of
 from ..envs.weeding.state import T
 from ..envs.weeding.timing import A, G, move_time
-from .base import Bound, Expectation, check_method, check_start, relative_gap, state_of
+from .base import Bound, Expectation, Found, check_method, check_start, relative_gap, state_of
+from .gardener import BUCKET_S, ROOM, WIDTH, Garden, grown, tended
 from .hopes import hoped_shots
 from .shots import STRAY_M, Shots, any_shots, drawn_shots
 from .strip import Strip, build, shortest_moves
@@ -39,8 +40,6 @@ THRIFTS = (0.0, 0.004, 0.008, 0.012, 0.016)
 FREE_S = 1e9
 """Guess at the seconds of what brings something beside a whole: its price begins with all of its gain."""
 HOPED = "luck of shots replaced by measured means, given the reports"
-URGENCIES = (0.3, 1.0)
-"""Of the schedules that are carried out to see how near the bound can be reached."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +54,7 @@ class WeedingInstance:
         drawn: whether the tracks are known, not only the weeds.
         weeds: true weeds of the strip.
         worth: what they count.
+        place: (3,), where the arm stands in the beginning.
         cart_m: position of the cart in the beginning.
         least_s: no episode is shorter.
         core: the rules, as they were reset, for a schedule to be carried out; None where reports are not drawn.
@@ -70,6 +70,7 @@ class WeedingInstance:
     drawn: bool
     weeds: int
     worth: float
+    place: Array
     cart_m: float
     least_s: float
     core: Any
@@ -102,8 +103,9 @@ class WeedingInstance:
         gap = max(relative_gap(kills, found_n), relative_gap(value, found_v)) if self.core is not None else math.nan
         net_rate = kills / (self.worth or 1.0)
         cycle_s = self.cycle_time_at(net_rate)
+        found = None if self.core is None else Found(found_n / (self.worth or 1.0), found_v)
         spent_s = time.perf_counter() - began
-        return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", gap == 0.0, gap, spent_s, hope)
+        return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", gap == 0.0, gap, spent_s, hope, found)
 
     def _expectation(self, seconds: float) -> Expectation | None:
         """The bound with the luck of what shots do replaced by its mean, given the reports."""
@@ -112,7 +114,12 @@ class WeedingInstance:
         if self.config.speed_control:
             kills, value = self._hoped_work(self.hoped)
         else:
-            kills, value = self._priced(self.hoped, math.nan, math.nan, seconds)
+            hoped, killed = self.hoped, self.config.weights.killed
+            reached_n = self._grown(hoped, -hoped.advance, hoped.worth)[1]
+            reached_v = self._grown(hoped, -hoped.cost - killed * hoped.advance, killed * hoped.worth)[1]
+            # At the latest it ends when the strip has passed.
+            reached_v += self.config.weights.seconds * max(self.least_s, self._until_s)
+            kills, value = self._priced(hoped, reached_n, reached_v, seconds)
         return Expectation(kills / (self.worth or 1.0), value, HOPED, True)
 
     def cycle_time_at(self, net_rate: float) -> float:
@@ -139,6 +146,12 @@ class WeedingInstance:
         config = self.config
         return float(config.cart.speed_range_m_s[1]) if config.speed_control else float(config.speed_m_s)
 
+    @property
+    def _until_s(self) -> float:
+        """When the strip has passed at a steady speed."""
+        way_m = self.config.scenario.strip_m + self.arm.front_m - self.cart_m
+        return float(way_m / self.config.speed_m_s)
+
     def _enters_s(self) -> Array:
         """Earliest end (weeds,) of a shot that serves each weed."""
         shots, arm = self.shots, self.arm
@@ -155,7 +168,6 @@ class WeedingInstance:
         if not shots.weeds:
             return 0.0, -second * self.least_s
         speed = float(config.speed_m_s)
-        until = (config.scenario.strip_m + self.arm.front_m - self.cart_m) / speed
         strip = Strip(
             shots.told_m,
             shots.aim_m,
@@ -166,7 +178,7 @@ class WeedingInstance:
             self.arm.front_m,
             float(config.cart.moment_s),
             TICK_S,
-            until + 1.0,
+            self._until_s + 1.0,
             late_s(self.arm),
         )
         move_s = self._moves_s(shots)
@@ -252,11 +264,39 @@ class WeedingInstance:
         return best
 
     def _carried_out(self) -> tuple[float, float]:
-        """Most weeds killed and largest return of some schedules that know what each shot does."""
-        from .gardener import tended
-
-        results = [tended(self.core, urgency) for urgency in URGENCIES]
+        """Weeds killed and return of the best schedules found that know what each shot does, carried out."""
+        weights = self.config.weights
+        of_kills = self._grown(self.shots, -self.shots.advance, self.shots.worth)[0]
+        value = -self.shots.cost - weights.killed * self.shots.advance
+        of_value = self._grown(self.shots, value, weights.killed * self.shots.worth)[0]
+        results = [tended(self.core, self.shots, order) for order in (of_kills, of_value)]
         return max(kills for kills, _ in results), max(value for _, value in results)
+
+    def _grown(self, shots: Shots, value: Array, gain: Array) -> tuple[NDArray[np.int64], float]:
+        """Options of the best sequence found, each worth its ``value`` and its shares of the things' ``gain``."""
+        config, scarce_j = self.config, float(self.config.scenario.energy_j)
+        garden = Garden(
+            arm=self.arm,
+            place=self.place,
+            cart_m=self.cart_m,
+            speed_m_s=float(config.speed_m_s),
+            front_m=float(self.arm.front_m),
+            moment_s=float(config.cart.moment_s),
+            until_s=self._until_s,
+            track=shots.track,
+            told_m=shots.told_m,
+            aim_m=shots.aim_m,
+            stand_s=shots.stand_s,
+            value=value,
+            share_first=shots.share_first,
+            share_thing=shots.share_weed,
+            share=shots.share,
+            gain=gain,
+            whole=shots.whole,
+            energy_j=shots.energy_j,
+            budget_j=scarce_j if scarce_j > 0.0 else math.inf,
+        )
+        return grown(garden, WIDTH, BUCKET_S, ROOM)
 
 
 def late_s(arm: Any) -> float:
@@ -310,6 +350,7 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInsta
         drawn=reports != "any",
         weeds=int(state.weeds[row]),
         worth=float(state.worth[row]),
+        place=state.place[row].copy(),
         cart_m=cart,
         least_s=max(least_s, 0.0),
         core=core if reports == "drawn" and core.worlds == 1 else None,
