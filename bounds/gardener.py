@@ -22,11 +22,13 @@ from .shots import Shots
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-WIDTH = 24
+WIDTH = 40
 """Sequences that are kept in each bucket of time."""
-BUCKET_S = 0.1
-ROOM = 400_000
-"""Sequences that a search may hold at all."""
+BUCKET_S = 0.05
+AHEAD_S = 16.0
+"""Options that take longer are left out."""
+EARLY_S = 2.0
+"""So long before the window reaches a target it is looked at."""
 
 
 class Garden(NamedTuple):
@@ -75,59 +77,106 @@ class Garden(NamedTuple):
     budget_j: float
 
 
+class Pending(NamedTuple):
+    """Sequences that end in buckets to come, the best W of each of N buckets, which are filled in turn.
+
+    Attributes:
+        count: (N,).
+        time: (N, W), when they end.
+        worth: (N, W), what they have brought.
+        joules: (N, W), what they have taken.
+        place: (N, W, 3), where the arm stands then.
+        parent: (N, W), sequence without the last option.
+        option: (N, W), the last one, -1 for a moment's wait.
+    """
+
+    count: Numbers
+    time: Array
+    worth: Array
+    joules: Array
+    place: Array
+    parent: Numbers
+    option: Numbers
+
+
 @compiled
-def grown(garden: Garden, width: int, bucket_s: float, room: int) -> tuple[Numbers, float]:
+def put(
+    pending: Pending, bucket: int, time_s: float, worth: float, joules: float, place: Place, parent: int, option: int
+) -> None:
+    """Keep a sequence in its bucket where it is among the best; of two alike the sooner one."""
+    row = bucket % len(pending.count)
+    count, width = pending.count[row], pending.time.shape[1]
+    slot = count
+    for i in range(count):
+        if pending.option[row, i] == option and abs(pending.worth[row, i] - worth) < 1e-9:
+            if pending.time[row, i] <= time_s:
+                return
+            slot = i
+            break
+    if slot == width:
+        slot = 0
+        for i in range(1, width):
+            if pending.worth[row, i] < pending.worth[row, slot]:
+                slot = i
+        if pending.worth[row, slot] >= worth:
+            return
+    elif slot == count:
+        pending.count[row] += 1
+    pending.time[row, slot], pending.worth[row, slot], pending.joules[row, slot] = time_s, worth, joules
+    pending.place[row, slot, A.carrier], pending.place[row, slot, A.lean] = place.carrier_m, place.lean_m
+    pending.place[row, slot, A.across] = place.across_m
+    pending.parent[row, slot], pending.option[row, slot] = parent, option
+
+
+@compiled
+def grown(garden: Garden, width: int, bucket_s: float) -> tuple[Numbers, float]:
     """Options of the best sequence found, in order, and what it is worth by the options' own account."""
     options, v, front = len(garden.track), garden.speed_m_s, garden.front_m
-    things, buckets = len(garden.gain), int(garden.until_s / bucket_s) + 2
-    time, worth, joules = np.empty(room), np.empty(room), np.empty(room)
-    place, parent, option = np.empty((room, 3)), np.empty(room, np.int64), np.empty(room, np.int64)
-    # Labels of a bucket hang on a chain.
-    head, after = np.full(buckets, -1), np.empty(room, np.int64)
-    time[0], worth[0], joules[0], parent[0], option[0], after[0] = 0.0, 0.0, 0.0, -1, -1, -1
-    for axis in range(3):
-        place[0, axis] = garden.place[axis]
-    head[0], count, best = 0, 1, 0
-    served, done = np.zeros(things), np.zeros(options + 1, np.bool_)
-    own, values = np.empty(room, np.int64), np.empty(room)
+    things, buckets, ring = len(garden.gain), int(garden.until_s / bucket_s) + 2, int(AHEAD_S / bucket_s)
+    pending = Pending(
+        np.zeros(ring, np.int64),
+        np.empty((ring, width)),
+        np.empty((ring, width)),
+        np.empty((ring, width)),
+        np.empty((ring, width, 3)),
+        np.empty((ring, width), np.int64),
+        np.empty((ring, width), np.int64),
+    )
+    room = buckets * width + 1
+    time, parent, option = np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64)
+    count, best, best_worth = 0, -1, -np.inf
+    served, done = np.zeros(things), np.zeros(garden.track.max() + 1, np.bool_)
     # What was done to a thing longer ago than this cannot be added to.
     past_s = 2.0 * (2.0 * front + 0.1) / v
+    put(pending, 0, 0.0, 0.0, 0.0, Place(garden.place[A.carrier], garden.place[A.lean], garden.place[A.across]), -1, -1)
     for bucket in range(buckets):
-        n, label = 0, head[bucket]
-        while label >= 0:
-            own[n], values[n] = label, -worth[label]
-            n += 1
-            label = after[label]
-        kept, last_worth, last_option = 0, np.inf, -2
-        for i in np.argsort(values[:n]):
-            label = own[i]
-            if kept == width:
-                break
-            if worth[label] == last_worth and option[label] == last_option:
-                continue
-            kept, last_worth, last_option = kept + 1, worth[label], option[label]
-            now = time[label]
-            cart = garden.cart_m + v * now
-            here = Place(place[label, A.carrier], place[label, A.lean], place[label, A.across])
-            # What the sequence has done.
-            back = label
-            while back >= 0 and time[back] > now - past_s:
-                o = option[back]
-                if o >= 0:
-                    done[garden.track[o]] = True
-                    for s in range(garden.share_first[o], garden.share_first[o + 1]):
-                        served[garden.share_thing[s]] += garden.share[s]
-                back = parent[back]
-            low = np.searchsorted(garden.told_m[:, G.along], cart - front)
+        row = bucket % ring
+        for i in range(pending.count[row]):
+            now, worth, joules, label = pending.time[row, i], pending.worth[row, i], pending.joules[row, i], count
+            time[label], parent[label], option[label] = now, pending.parent[row, i], pending.option[row, i]
+            count += 1
+            if worth > best_worth:
+                best, best_worth = label, worth
+            cart, x, y = garden.cart_m + v * now, pending.place[row, i, A.carrier], pending.place[row, i, A.lean]
+            here = Place(x, y, pending.place[row, i, A.across])
+            reckon(garden, label, now - past_s, time, parent, option, done, served, True)
+            low = 0
+            high = options
+            while low < high:
+                middle = (low + high) // 2
+                if garden.told_m[middle, G.along] < cart - front:
+                    low = middle + 1
+                else:
+                    high = middle
             for o in range(low, options):
                 along, across = garden.told_m[o, G.along], garden.told_m[o, G.across]
-                if along > cart + front + 0.6 * v:
+                if along > cart + front + v * EARLY_S:
                     break
-                if done[garden.track[o]] or joules[label] + garden.energy_j[o] > garden.budget_j or count == room:
+                if done[garden.track[o]] or joules + garden.energy_j[o] > garden.budget_j:
                     continue
                 way = approach(garden.arm, garden.stand_s[o], here, cart, v, along, across)
                 then = now + way.move_s + way.wait_s + garden.stand_s[o]
-                if not way.legal or then >= garden.until_s:
+                if not way.legal or then >= garden.until_s or then - now >= AHEAD_S - 2.0 * bucket_s:
                     continue
                 more = garden.value[o]
                 for s in range(garden.share_first[o], garden.share_first[o + 1]):
@@ -137,52 +186,50 @@ def grown(garden: Garden, width: int, bucket_s: float, room: int) -> tuple[Numbe
                         more += garden.gain[thing] if has >= 1.0 - 1e-9 and had < 1.0 - 1e-9 else 0.0
                     else:
                         more += garden.gain[thing] * (has - had)
-                time[count], worth[count], parent[count], option[count] = then, worth[label] + more, label, o
-                joules[count] = joules[label] + garden.energy_j[o]
-                place[count, A.carrier] = way.carrier_m + garden.aim_m[o, G.along] - along
-                place[count, A.lean] = way.lean_m
-                place[count, A.across] = way.across_m + garden.aim_m[o, G.across] - across
-                to = max(int(then / bucket_s), bucket)
-                if to == bucket:
-                    to += 1
-                after[count], head[to] = head[to], count
-                if worth[count] > worth[best]:
-                    best = count
-                count += 1
+                place = Place(
+                    way.carrier_m + garden.aim_m[o, G.along] - along,
+                    way.lean_m,
+                    way.across_m + garden.aim_m[o, G.across] - across,
+                )
+                spent = joules + garden.energy_j[o]
+                put(pending, max(int(then / bucket_s), bucket + 1), then, worth + more, spent, place, label, o)
             rest = ready(garden.arm, garden.cart_m + v * (now + garden.moment_s))
-            move_s = move_time(
-                garden.arm,
-                rest.carrier_m - here.carrier_m,
-                rest.lean_m - here.lean_m,
-                rest.across_m - here.across_m,
-            )
+            carrier, lean = rest.carrier_m - here.carrier_m, rest.lean_m - here.lean_m
+            move_s = move_time(garden.arm, carrier, lean, rest.across_m - here.across_m)
             move_s = max(move_s, lift_time(garden.arm, here.across_m, rest.across_m))
             then = now + max(garden.moment_s, move_s)
-            if then < garden.until_s and count < room:
-                time[count], worth[count], parent[count], option[count] = then, worth[label], label, -1
-                joules[count] = joules[label]
-                place[count, A.carrier], place[count, A.lean], place[count, A.across] = (
-                    rest.carrier_m,
-                    rest.lean_m,
-                    rest.across_m,
-                )
-                to = max(int(then / bucket_s), bucket + 1)
-                after[count], head[to] = head[to], count
-                count += 1
-            back = label
-            while back >= 0 and time[back] > now - past_s:
-                o = option[back]
-                if o >= 0:
-                    done[garden.track[o]] = False
-                    for s in range(garden.share_first[o], garden.share_first[o + 1]):
-                        served[garden.share_thing[s]] = 0.0
-                back = parent[back]
+            if then < garden.until_s:
+                put(pending, max(int(then / bucket_s), bucket + 1), then, worth, joules, rest, label, -1)
+            reckon(garden, label, now - past_s, time, parent, option, done, served, False)
+        pending.count[row] = 0
     order, n, label = np.empty(count, np.int64), 0, best
     while label > 0:
         order[n] = option[label]
         n += 1
         label = parent[label]
-    return order[:n][::-1].copy(), worth[best]
+    return order[:n][::-1].copy(), best_worth
+
+
+@compiled
+def reckon(
+    garden: Garden,
+    label: int,
+    since_s: float,
+    time: Array,
+    parent: Numbers,
+    option: Numbers,
+    done: NDArray[np.bool_],
+    served: Array,
+    mark: bool,
+) -> None:
+    """Write which tracks a sequence has served since a time, and which shares of things; or take it back."""
+    while label >= 0 and time[label] > since_s:
+        o = option[label]
+        if o >= 0:
+            done[garden.track[o]] = mark
+            for s in range(garden.share_first[o], garden.share_first[o + 1]):
+                served[garden.share_thing[s]] = served[garden.share_thing[s]] + garden.share[s] if mark else 0.0
+        label = parent[label]
 
 
 def tended(core: Any, shots: Shots, order: Numbers) -> tuple[float, float]:

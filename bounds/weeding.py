@@ -21,7 +21,7 @@ from ..envs.weeding.outcomes import outcomes_of
 from ..envs.weeding.state import T
 from ..envs.weeding.timing import A, G, move_time
 from .base import Bound, Expectation, Found, check_method, check_start, relative_gap, state_of
-from .gardener import BUCKET_S, ROOM, WIDTH, Garden, grown, tended
+from .gardener import BUCKET_S, WIDTH, Garden, grown, tended
 from .hopes import hoped_shots
 from .shots import STRAY_M, Shots, any_shots, drawn_shots
 from .strip import Strip, build, shortest_moves
@@ -296,7 +296,7 @@ class WeedingInstance:
             energy_j=shots.energy_j,
             budget_j=scarce_j if scarce_j > 0.0 else math.inf,
         )
-        return grown(garden, WIDTH, BUCKET_S, ROOM)
+        return grown(garden, WIDTH, BUCKET_S)
 
 
 def late_s(arm: Any) -> float:
