@@ -34,7 +34,8 @@ TICK_S = 0.02
 SECONDS = 30.0
 """Most wall seconds for either of the two searches; the number of steps ends them long before, so that a bound is the
 same wherever it is reckoned."""
-ROUNDS, FEW_ROUNDS = 40, 6
+ROUNDS, HOPED_ROUNDS, FEW_ROUNDS = 40, 80, 6
+"""Steps of the prices: with the luck known, in expectation, and with any reports."""
 THRIFTS = (0.0, 0.004, 0.008, 0.012, 0.016)
 """Prices of a joule, in killed weeds, that are tried where energy is scarce: each gives a bound."""
 FREE_S = 1e9
@@ -190,7 +191,7 @@ class WeedingInstance:
         guess[~shots.whole] = FREE_S
         cost, advance = np.append(shots.cost, 0.0), np.append(shots.advance, 0.0)
         # With any reports nearly everything can be killed: there is little to search for.
-        rounds = ROUNDS if self.drawn else FEW_ROUNDS
+        rounds = HOPED_ROUNDS if shots is self.hoped else ROUNDS if self.drawn else FEW_ROUNDS
         no_end = np.zeros(len(end_s))
         end = -second * np.maximum(end_s, self.least_s)
         # Where time is not short a weed's price is what its shot costs.
