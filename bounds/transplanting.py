@@ -6,7 +6,7 @@ by dual prices: no carry and no way back is shorter than the shares of its two e
 duality; Kuhn 1955 for the assignment problem). The tool's ways between two transplants are shortest paths over all
 its places, so attempts that miss, conveyors that move and cells that are cleared on the way are paid for. How many
 plugs and cells there are, and which rows must have been presented for them, is exact; that a row's plugs meet certain
-rows of cells only is left out.
+rows of cells only is left out. In expectation each plug is tried with some chance (see ``plugs``).
 """
 
 from __future__ import annotations

@@ -119,11 +119,19 @@ def _bounds(condition: Condition, seeds: Sequence[int], fields: Sequence[str] | 
         instance(condition.env_id, each, backend=condition.backend, field=field, **condition.settings).bound()
         for each, field in zip(seeds, fields or [None] * len(seeds), strict=True)
     ]
+    hopes = [bound.expected or bound for bound in found]
+    reached = [bound.found for bound in found]
     return {
-        "return": np.array([bound.episode_return for bound in found]),
-        "net_rate": np.array([bound.net_rate for bound in found]),
+        "clairvoyant_return": np.array([bound.episode_return for bound in found]),
+        "clairvoyant_net_rate": np.array([bound.net_rate for bound in found]),
+        "return": np.array([hope.episode_return for hope in hopes]),
+        "net_rate": np.array([hope.net_rate for hope in hopes]),
+        "found_return": np.array([np.nan if each is None else each.episode_return for each in reached]),
+        "found_net_rate": np.array([np.nan if each is None else each.net_rate for each in reached]),
         "cycle_time_s": np.array([bound.cycle_time_s for bound in found]),
         "method": found[0].method,
+        "expected_method": "" if found[0].expected is None else found[0].expected.method,
+        "estimated": found[0].expected is not None and found[0].expected.estimated,
     }
 
 
@@ -150,13 +158,18 @@ def _report(results: dict[str, Scores], gaps: dict[str, Any] | None) -> dict[str
         differences.append(row)
     report: dict[str, Any] = {"policies": policies, "differences": differences}
     if gaps is not None:
-        report["bound"] = {"method": gaps["method"]} | {
-            key: float(gaps[key].mean()) for key in ("return", "net_rate", "cycle_time_s")
-        }
+        words = "method", "expected_method", "estimated"
+        report["bound"] = {key: value if key in words else _known_mean(value) for key, value in gaps.items()}
         for row, scores in zip(policies, results.values(), strict=True):
             row["gap_return"] = float((gaps["return"] - scores.returns).mean())
             row["gap_net_rate"] = float((gaps["net_rate"] - scores.scorecard["net_rate"]).mean())
     return report
+
+
+def _known_mean(values: Any) -> float | None:
+    """Mean over the fields; None where one of them is not known."""
+    value = float(values.mean())
+    return value if value == value else None
 
 
 def _print(console: Console, title: str, report: dict[str, Any]) -> None:
@@ -179,8 +192,14 @@ def _print(console: Console, title: str, report: dict[str, Any]) -> None:
             cells += [f"{row['gap_return']:.3f}", f"{row['gap_net_rate']:.4f}"]
         table.add_row(Text(row["policy"]), *cells)
     if bound:
-        cells = [f"{bound[key]:.4g}" if key in bound else "" for key in ("return", *COLUMNS)]
-        table.add_row("bound", *cells, style="dim")
+        for name, kind in (("bound", ""), ("clairvoyant bound", "clairvoyant_"), ("clairvoyant, found", "found_")):
+            # The cycle time is bounded with all luck known.
+            keys = [
+                key if key == "cycle_time_s" and kind == "clairvoyant_" else kind + key for key in ("return", *COLUMNS)
+            ]
+            shown = [bound.get(key) if key != "cycle_time_s" or kind else None for key in keys]
+            if any(value is not None for value in shown):
+                table.add_row(name, *("" if value is None else f"{value:.4g}" for value in shown), style="dim")
     console.print(table)
     if report["differences"]:
         first = report["policies"][0]["policy"]
@@ -194,7 +213,11 @@ def _print(console: Console, title: str, report: dict[str, Any]) -> None:
             table.add_row(Text(row["to"]), *(_interval(row[key]) for key in ("return", "net_rate", "cycle_time_s")))
         console.print(table)
     if bound:
-        console.print(f"Bound: {bound['method']}; the cycle time is the shortest at the bound's net rate.", style="dim")
+        hope = bound["expected_method"]
+        told = f"Bound: what nobody gets more than on average; {hope}{', estimated' if bound['estimated'] else ''}."
+        told = told if hope else "Bound: with all luck known, as there is no other here."
+        told += f" Clairvoyant: {bound['method']}; its cycle time is the shortest at its net rate."
+        console.print(told, style="dim")
 
 
 def _interval(values: dict[str, Any]) -> str:

@@ -274,7 +274,7 @@ def test_prices_of_rows_and_columns_are_the_dual_of_their_transport():
 
 def test_modes_that_another_beats_in_everything_are_left_out():
     def option(stand_s: float, cost: float, *weeds: int) -> Any:
-        return shots._Option(np.zeros(2), np.zeros(2), 0.0, stand_s, cost, 0.0, dict.fromkeys(weeds, 1.0))
+        return shots.Option(np.zeros(2), np.zeros(2), 0.0, stand_s, cost, 0.0, dict.fromkeys(weeds, 1.0))
 
     quick, dear, both, slow, nothing = (
         option(0.2, 0.1, 1),
@@ -283,7 +283,7 @@ def test_modes_that_another_beats_in_everything_are_left_out():
         option(0.5, 0.05, 1),
         option(0.1, 0.0),
     )
-    assert shots._undominated([slow, both, nothing, dear, quick]) == [quick, both, slow]
+    assert shots.undominated([slow, both, nothing, dear, quick]) == [quick, both, slow]
 
 
 def test_the_least_of_shares():
@@ -300,7 +300,13 @@ def test_the_least_of_shares():
         weeds=3,
         worth=np.ones(3),
         energy_j=nothing,
+        whole=np.array([True, True, False]),
+        advance=np.array([0.5, 0.0, 0.0]),
+        track=np.arange(3),
+        mode=np.arange(3),
     )
+    assert found.brought().tolist() == [1.5, 0.5, 2.0]
+    assert found._replace(cost=np.ones(3)).due(2.0).tolist() == [2.0, 1.0, -1.0]
     assert found.option_of_share().tolist() == [0, 0, 1, 2, 2]
     assert found.least(np.array([5.0, 4.0, 3.0, 2.0, 1.0])).tolist() == [2.0, 3.0, 1.0]
     assert found.least_split(np.array([6.0, 1.0, 8.0])).tolist() == [3.0, 2.0, 4.0]
