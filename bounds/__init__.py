@@ -2,9 +2,10 @@
 
 ``instance(env_id, seed, scenario=...).bound()`` gives a valid bound on net rate and return, and the shortest cycle time
 at that net rate; beside it what no policy can beat on average that does not know the luck (``Bound.expected``), and
-what a schedule that knows it got from the rules (``Bound.found``). A task's specification names a function
-``instance_of(core, reports)``; the camera's reports are ``"drawn"`` with the field, drawn but carried out by a simulated
-machine (``"driven"``), or ``"any"``.
+what a schedule that knows it got from the rules (``Bound.found``).
+
+A task's specification names a function ``instance_of(core, reports)``; the camera's reports are ``"drawn"`` with the
+field, drawn but carried out by a simulated machine (``"driven"``), or ``"any"``.
 """
 
 from __future__ import annotations
