@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-PRICES = 161
-"""Prices of a filled cell that are tried, from nothing to what a plant is worth."""
+PRICES, ZOOMS = 33, 4
+"""Prices of a filled cell that are tried, from nothing to what a plant is worth, then nearer and nearer the best."""
 
 
 class Attempts(NamedTuple):
@@ -48,15 +48,25 @@ def most_by_shares(
         left: what is saved by a plug that was tried in a row that is left.
     """
     worth = planted * attempts.good[:, None] - used
-    prices = np.linspace(0.0, max(planted, 0.0) + left, PRICES)
-    # Filled at a price, each cell earns what it costs less.
-    filled = np.maximum(prices[:, None] - cell[None], 0.0).sum(axis=1)
-    tried = (worth[None] - prices[:, None, None] * attempts.fills[None]).max(axis=1)
     rows = len(moves)
-    here, gone = np.zeros((PRICES, rows)), np.zeros((PRICES, rows))
     row = attempts.row if rows > 1 else np.zeros_like(attempts.row)
-    np.add.at(here.T, row, np.maximum(tried, 0.0).T)
-    np.add.at(gone.T, row, np.maximum(tried + left, 0.0).T)
-    before = np.concatenate([np.zeros((PRICES, 1)), np.cumsum(gone, axis=1)[:, :-1]], axis=1)
-    totals = (before + here + filled[:, None]).min(axis=0) - moves
-    return float(totals.max())
+
+    def at(prices: Array) -> Array:
+        """Largest means (prices, rows) by the last row that is reached."""
+        # Filled at a price, each cell earns what it costs less.
+        filled = np.maximum(prices[:, None] - cell[None], 0.0).sum(axis=1)
+        tried = (worth[None] - prices[:, None, None] * attempts.fills[None]).max(axis=1, initial=-np.inf)
+        here, gone = np.zeros((len(prices), rows)), np.zeros((len(prices), rows))
+        np.add.at(here.T, row, np.maximum(tried, 0.0).T)
+        np.add.at(gone.T, row, np.maximum(tried + left, 0.0).T)
+        before = np.concatenate([np.zeros((len(prices), 1)), np.cumsum(gone, axis=1)[:, :-1]], axis=1)
+        return before + here + filled[:, None] - moves
+
+    low, high, least = 0.0, max(planted, 0.0) + left, np.full(rows, np.inf)
+    for _ in range(ZOOMS):
+        prices = np.linspace(low, high, PRICES)
+        totals = at(prices)
+        least = np.minimum(least, totals.min(axis=0))
+        best = int(totals[:, int(least.argmax())].argmin())
+        low, high = float(prices[max(best - 1, 0)]), float(prices[min(best + 1, PRICES - 1)])
+    return float(least.max())
