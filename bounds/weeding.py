@@ -276,6 +276,8 @@ class WeedingInstance:
 
     def _grown(self, shots: Shots, value: Array, gain: Array) -> tuple[NDArray[np.int64], float]:
         """Options of the best sequence found, each worth its ``value`` and its shares of the things' ``gain``."""
+        if not len(shots.track):
+            return np.zeros(0, np.int64), 0.0
         config, scarce_j = self.config, float(self.config.scenario.energy_j)
         garden = Garden(
             arm=self.arm,

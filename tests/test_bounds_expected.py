@@ -31,8 +31,8 @@ TOUCHED = 0.02
 def toy(seed: int, tracks: int) -> WeedingCore:
     """A few weeds on a short strip, cameras that err, long waits."""
     config = WeedingConfig()
-    scenario = replace(SCENARIOS["load-1.6"], strip_m=0.2, max_weeds=20, offered_load=4.0)
-    config = replace(config, scenario=scenario, cart=replace(config.cart, moment_s=1.2))
+    scenario = replace(SCENARIOS["load-1.6"], strip_m=0.2, max_weeds=20, offered_load=2.0)
+    config = replace(config, scenario=scenario, cart=replace(config.cart, moment_s=0.5))
     core = laser_core(config, PerceptionModel.measured(), 1)
     for number in range(400):
         core.reset_rows(np.array([0]), [np.random.default_rng(1000 * seed + number)])
@@ -81,7 +81,7 @@ def best_on_average(core: WeedingCore, shots: Shots) -> float:
 
 
 def test_trying_everything_finds_no_larger_mean_and_nearly_always_one_as_large():
-    touched, toys = 0, [(seed, 2 + seed % 2) for seed in range(10)]
+    touched, toys = 0, [(seed, 2 + (seed % 5 == 1)) for seed in range(10)]
     for seed, tracks in toys:
         core = toy(seed, tracks)
         instance = weeding.instance_of(core)
@@ -138,7 +138,7 @@ def test_a_head_s_mean_is_that_of_many_heads():
     ("name", "scenario", "policy"),
     [
         ("SafflowerPicking", "row", "route"),
-        ("TrayTransplanting", "fill", "rolling-horizon"),
+        ("TrayTransplanting", "fill", "fixed-order-speed"),
         ("ProduceSorting", "load-1.6", "fifo"),
     ],
 )
