@@ -148,7 +148,7 @@ def _fault(found: Any, bounds: bool) -> str:
     if "error" in found:
         return ""
     if bounds:
-        values = found.get("bound")
+        values = found.get("bound") or {}
         fault = _first(found, _BOUND, True) or _first(values, _BOUND_VALUES, True)
         fault = fault or _first(values, _BOUND_MAY, False)
         return fault or (_first(values["expected"], _EXPECTED, True) if "expected" in values else "")

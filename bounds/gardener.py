@@ -81,7 +81,7 @@ class Pending(NamedTuple):
     """Sequences that end in buckets to come, the best W of each of N buckets, which are filled in turn.
 
     Attributes:
-        count: (N,).
+        filled: (N,), how many there are.
         time: (N, W), when they end.
         worth: (N, W), what they have brought.
         joules: (N, W), what they have taken.
@@ -90,7 +90,7 @@ class Pending(NamedTuple):
         option: (N, W), the last one, -1 for a moment's wait.
     """
 
-    count: Numbers
+    filled: Numbers
     time: Array
     worth: Array
     joules: Array
@@ -104,8 +104,8 @@ def put(
     pending: Pending, bucket: int, time_s: float, worth: float, joules: float, place: Place, parent: int, option: int
 ) -> None:
     """Keep a sequence in its bucket where it is among the best; of two alike the sooner one."""
-    row = bucket % len(pending.count)
-    count, width = pending.count[row], pending.time.shape[1]
+    row = bucket % len(pending.filled)
+    count, width = pending.filled[row], pending.time.shape[1]
     slot = count
     for i in range(count):
         if pending.option[row, i] == option and abs(pending.worth[row, i] - worth) < 1e-9:
@@ -121,7 +121,7 @@ def put(
         if pending.worth[row, slot] >= worth:
             return
     elif slot == count:
-        pending.count[row] += 1
+        pending.filled[row] += 1
     pending.time[row, slot], pending.worth[row, slot], pending.joules[row, slot] = time_s, worth, joules
     pending.place[row, slot, A.carrier], pending.place[row, slot, A.lean] = place.carrier_m, place.lean_m
     pending.place[row, slot, A.across] = place.across_m
@@ -151,7 +151,7 @@ def grown(garden: Garden, width: int, bucket_s: float) -> tuple[Numbers, float]:
     put(pending, 0, 0.0, 0.0, 0.0, Place(garden.place[A.carrier], garden.place[A.lean], garden.place[A.across]), -1, -1)
     for bucket in range(buckets):
         row = bucket % ring
-        for i in range(pending.count[row]):
+        for i in range(pending.filled[row]):
             now, worth, joules, label = pending.time[row, i], pending.worth[row, i], pending.joules[row, i], count
             time[label], parent[label], option[label] = now, pending.parent[row, i], pending.option[row, i]
             count += 1
@@ -201,7 +201,7 @@ def grown(garden: Garden, width: int, bucket_s: float) -> tuple[Numbers, float]:
             if then < garden.until_s:
                 put(pending, max(int(then / bucket_s), bucket + 1), then, worth, joules, rest, label, -1)
             reckon(garden, label, now - past_s, time, parent, option, done, served, False)
-        pending.count[row] = 0
+        pending.filled[row] = 0
     order, n, label = np.empty(count, np.int64), 0, best
     while label > 0:
         order[n] = option[label]

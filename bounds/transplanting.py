@@ -112,8 +112,7 @@ class TrayInstance:
         if self.drawn:
             found = Found(*carried_out(self, planted))
             gaps = relative_gap(net_rate, found.net_rate), relative_gap(value, found.episode_return)
-            gap = math.nan if math.isnan(found.net_rate) else max(gaps)
-            found = None if math.isnan(found.net_rate) else found
+            gap, found = (math.nan, None) if math.isnan(found.net_rate) else (max(gaps), found)
         words = f"{_WORDS}; {'reports as drawn' if self.drawn else 'any reports'}"
         hope = self._expectation()
         return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, time.perf_counter() - began, hope, found)
@@ -130,10 +129,9 @@ class TrayInstance:
         used = spoiled * (1.0 - attempts.good)[:, None] + second * attempts.plug_s
         moves = np.concatenate([[0.0], np.cumsum(second * self.source_s[:-1] + spoiled * self.supply[:-1])])
         finished = most_by_shares(attempts, used, cell, moves, weights.planted, left=spoiled)
-        finished -= second * (float(self.target_s.sum()) + self.shares.once_s + self.rise_s)
         # Who plants nothing pays for the conveyor alone.
-        finished = max(finished, -second * float(self.target_s.sum()))
-        value = max(finished, weights.planted * planted - second * limit)
+        finished = max(finished - second * (self.shares.once_s + self.rise_s), 0.0) - second * self.target_s.sum()
+        value = max(float(finished), weights.planted * planted - second * limit)
         return Expectation((self.healthy + planted) / self.cell.size, value, "plugs by their chances", False)
 
     def cycle_time_at(self, net_rate: float) -> float:
