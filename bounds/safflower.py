@@ -23,7 +23,6 @@ from .base import Bound, Expectation, Found, check_method, check_start
 from .stops import EXACT_TARGETS, Array, Stop, largest, shortest_cycle
 from .wilting import Closing, most
 
-
 HOPED = "cuts and suction by their means"
 _LUCKS = 12
 """Nodes of the quadrature over a head's normal luck."""
