@@ -7,10 +7,14 @@ once; a price on filling them makes the plugs independent, and any price gives a
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..envs.transplanting.columns import H
+from ..envs.transplanting.config import HEALTHY
+from .base import state_of
 
 Array = NDArray[np.float64]
 
@@ -70,3 +74,20 @@ def most_by_shares(
         best = int(totals[:, int(least.argmax())].argmin())
         low, high = float(prices[max(best - 1, 0)]), float(prices[min(best + 1, PRICES - 1)])
     return float(least.max())
+
+
+def attempts_of(core: Any, prices: Any, use: NDArray[np.bool_], reports: str, row: int) -> Attempts:
+    """Chances of the healthy plugs that may be carried, ``use`` (rows, n), at what a transplant takes at least."""
+    state, times, extraction = state_of(core), core.times, core.config.process.extraction
+    chances, (rows, columns) = core.terms.chances, np.nonzero(use)
+    arrives = extraction * (1.0 - chances[:, H.lose])
+    # A cell whose plug has come to harm is as good as planted where it was reported healthy: nobody clears it.
+    told = (state.source_reports[row][rows, columns] == HEALTHY) & (reports != "any")
+    good = arrives * (1.0 - chances[:, H.damage])
+    return Attempts(
+        row=rows,
+        good=good,
+        fills=np.where(told, arrives[:, None], good[:, None]),
+        plug_s=extraction * (prices.plug_s[:, columns] + float(prices.cell_s.min()) + times.handle_s)
+        + (1.0 - extraction) * times.grip_s,
+    )

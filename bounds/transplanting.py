@@ -25,7 +25,7 @@ from ..envs.transplanting.config import EMPTY, HEALTHY, POOR, TransplantingConfi
 from ..envs.transplanting.core import TransplantingCore
 from ..envs.transplanting.timing import CLEARING, STRAIGHT, Places, Times, above
 from .base import Bound, Expectation, Found, check_method, check_start, relative_gap, state_of
-from .plugs import Attempts, most_by_shares
+from .plugs import Attempts, attempts_of, most_by_shares
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -313,24 +313,7 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
         times=table,
         config=config,
         drawn=reports != "any",
-        attempts=_attempts(core, prices, tried, reports, row),
-    )
-
-
-def _attempts(core: TransplantingCore, prices: Shares, use: NDArray[np.bool_], reports: str, row: int) -> Attempts:
-    """Chances of the healthy plugs that may be carried, ``use`` (rows, n)."""
-    state, times, extraction = state_of(core), core.times, core.config.process.extraction
-    chances, (rows, columns) = core.terms.chances, np.nonzero(use)
-    arrives = extraction * (1.0 - chances[:, H.lose])
-    # A cell whose plug has come to harm is as good as planted where it was reported healthy: nobody clears it.
-    told = (state.source_reports[row][rows, columns] == HEALTHY) & (reports != "any")
-    good = arrives * (1.0 - chances[:, H.damage])
-    return Attempts(
-        row=rows,
-        good=good,
-        fills=np.where(told, arrives[:, None], good[:, None]),
-        plug_s=extraction * (prices.plug_s[:, columns] + float(prices.cell_s.min()) + times.handle_s)
-        + (1.0 - extraction) * times.grip_s,
+        attempts=attempts_of(core, prices, tried, reports, row),
     )
 
 
