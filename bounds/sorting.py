@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.sorting.columns import NUMBER, REWARD, TOTAL, TRUTH
-from ..envs.sorting.config import SortingConfig
+from ..envs.sorting.config import GRADES, SortingConfig
 from ..envs.sorting.state import Tables
 from ..envs.sorting.timing import hold_s, stroke_s
 from .base import Bound, Expectation, Found, check_method, check_start, relative_gap, state_of
@@ -32,7 +32,8 @@ MOST_LABELS, FEW_LABELS = 20_000, 1_000
 """Schedules that are told apart before the search gives way to a bound by prices: with reports as drawn, where hundreds
 are enough, and with any reports."""
 TICK_S = 0.02
-SAVED = 0.2
+RIPE, GREEN = GRADES.index("ripe"), GRADES.index("green")
+SAVED = 0.3
 """What the time is worth, in things placed, that a grip which holds nothing saves: any number gives a bound [chosen on
 tuned seeds]."""
 STRAY_M, STRAY_RAD = 5e-5, 1e-3
@@ -105,7 +106,9 @@ class SortingInstance:
             brought_n, brought_v = (
                 _best(self.belt, stream, self.labels, time_limit_s)[0] for stream in (brought, self.hoped)
             )
-            hope = Expectation(brought_n / max(self.items, 1), brought_v, "grips and ways by their chances", False)
+            hope = Expectation(
+                brought_n / max(self.items, 1), brought_v, "grips, ways and ripeness by their chances", False
+            )
         spent_s = time.perf_counter() - began
         return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", proven, gap, spent_s, hope, found)
 
@@ -229,7 +232,8 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
     kept = truth[:, TRUTH.way_luck] >= tables.fingers.slip * (1.0 - quality)
     of_grade = truth[:, TRUTH.grade] == worlds.report_grade[row, there]
     right = held & kept & of_grade
-    hoped, count = _hoped(_drawn(worlds, tables, row, there), tables, len(places), quality, held, of_grade)
+    likely = _likely(core, worlds.report_grade[row, there], of_grade)
+    hoped, count = _hoped(_drawn(worlds, tables, row, there), tables, len(places), quality, held, likely)
     words = "reports as drawn" if reports == "drawn" else "reports as drawn, the platform strays"
     return SortingInstance(
         belt,
@@ -255,7 +259,7 @@ def _ready(belt: Belt, stream: Stream) -> Stream:
 
 
 def _hoped(
-    stream: Stream, tables: Any, nowhere: int, quality: Array, held: NDArray[np.bool_], right: NDArray[np.bool_]
+    stream: Stream, tables: Any, nowhere: int, quality: Array, held: NDArray[np.bool_], right: Array
 ) -> tuple[Stream, Array]:
     """What picks bring on average in reward and, (n,), in things placed, of those that bring something.
 
@@ -268,13 +272,13 @@ def _hoped(
         nowhere: bin of what is not held.
         quality: (n,), of the grips.
         held: (n,), what is.
-        right: (n,), what is of the grade that is reported.
+        right: (n,), chance that it is of the grade that is reported.
     """
     weights, fingers = tables.weights, tables.fingers
     holds, slips = np.minimum(fingers.best * quality, 1.0), np.minimum(fingers.slip * (1.0 - quality), 1.0)
     saved = SAVED * (held - holds)
     placed = holds * (1.0 - slips) * right
-    misplaced = holds * (1.0 - slips) * ~right
+    misplaced = holds * (1.0 - slips) * (1.0 - right)
     value = placed * stream.gain + misplaced * float(weights[REWARD.misplaced])
     value += holds * slips * float(weights[REWARD.dropped]) + (1.0 - holds) * float(weights[REWARD.wasted])
     value += saved * float(weights[REWARD.placed]) * float(np.mean(tables.values))
@@ -283,6 +287,21 @@ def _hoped(
     parts = {name: getattr(stream, name)[use] for name in Stream._fields if name not in ("slack_m", "gain", "bin")}
     count = np.maximum(placed + saved, 0.0)[use]
     return Stream(**parts, bin=bins[use], gain=np.maximum(value, 0.0)[use], slack_m=stream.slack_m), count
+
+
+def _likely(core: Any, grade: NDArray[np.int64], right: NDArray[np.bool_]) -> Array:
+    """Chance that items are of the grade that is reported, (n,).
+
+    A fruit's grade is its ripeness alone, of which nothing else is seen: so of fruits that the camera takes for no
+    tuber it is the posterior by the shares that are drawn. Other grades are as they are.
+    """
+    share = 1.0 - float(core.config.produce.ripe_from), float(core.config.produce.ripe_from)
+    seen, likely = np.asarray(core.perception.confusion, float), right.astype(float)
+    for told in (RIPE, GREEN):
+        chances = share[0] * seen[RIPE, told], share[1] * seen[GREEN, told]
+        if seen[:RIPE, told].sum() == 0.0 and sum(chances) > 0.0:
+            likely[grade == told] = chances[told - RIPE] / sum(chances)
+    return likely
 
 
 def _quality(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64], stray_m: float, stray_rad: float) -> Any:
