@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from waiting import until
 
-from fieldgym.agents import policy_names
-from fieldgym.benchmark import store
+from fieldgym.benchmark import store, suites
 from fieldgym.benchmark.record import digest, key
 
 pytestmark = pytest.mark.portable
@@ -54,7 +53,8 @@ def test_a_full_suite_killed_in_the_middle_resumes_to_the_same_table(tmp_path: P
     until(lambda: process.poll() is not None or (bounds.exists() and bounds.read_bytes().count(b"\n") >= 1))
     process.kill()
     process.communicate()
-    wanted = SEEDS * (1 + len(policy_names("fieldgym/SafflowerPicking-v0")))
+    asked = suites.suite("full", ["fieldgym/SafflowerPicking-v0"])
+    wanted = len(asked.narrowed(episodes=SEEDS, backend="analytic", perception="model").episodes())
     before = [line for path in (episodes, bounds) for line in path.read_bytes().split(b"\n")[:-1]]
     assert 1 < len(before) < wanted
     with open(bounds, "ab") as file:
