@@ -68,7 +68,7 @@ class TaskVectorEnv(Pictured, Generic[PlanT, OutcomeT]):
         width: see there.
         height: see there.
         threads: step so many shares of the worlds side by side, bit for bit as one thread does; for thousands of worlds
-            on as many free processors, since handing a step over takes some 0.2 ms.
+            on as many free processors; with few, handing a step over takes longer than the step.
         **settings: see ``scenario``.
 
     Raises:
