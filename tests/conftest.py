@@ -13,6 +13,7 @@ import pytest
 from fieldgym import bounds
 from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.evaluation import evaluate
+from fieldgym.envs import task
 
 if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # Begun in a shell's background: every child would inherit that Ctrl-C is ignored, and tests send it to some.
@@ -45,7 +46,7 @@ def no_policy_beats() -> Callable[[str, range, str], list[Any]]:
     def check(env_id: str, seeds: range, scenario: str) -> list[Any]:
         instances = [bounds.instance(env_id, seed, scenario=scenario) for seed in seeds]
         found = [instance.bound() for instance in instances]
-        for name in policy_names(env_id):
+        for name in task(env_id).lineup(scenario, policy_names(env_id)):
 
             def make(env: Any, name: str = name) -> Any:
                 return make_policy(name, env, 1)
