@@ -127,7 +127,10 @@ def take_reports(tables: Tables, worlds: Worlds, rows: Rows, reports: Array) -> 
             count += 1
             place += 1
         worlds.queued[w], worlds.first[w] = count, 0
-        show_reports(worlds.slot_report[w], queue, 0, count, leave_s, worlds.seen_s[w], time_s)
+        soon_s, seen_s = np.inf, worlds.seen_s[w]
+        for q in range(count - 1, -1, -1):
+            soon_s = worlds.soon_s[w, q] = min(soon_s, seen_s[queue[q]])
+        show_reports(worlds, w, time_s)
 
 
 @compiled
@@ -152,21 +155,22 @@ def queue_up(queue: Rows, count: int, leave_s: Array, report: int) -> None:
 
 
 @compiled
-def show_reports(slots: Rows, queue: Rows, first: int, count: int, leave_s: Array, seen_s: Array, time_s: float) -> int:
-    """Show the first reports, by leaving time, that have come and whose items are there; returns the first ahead."""
-    while first < count and leave_s[queue[first]] <= time_s:
+def show_reports(worlds: Worlds, w: int, time_s: float) -> None:
+    """Show a world's first reports, by leaving time, that have come and whose items are there."""
+    first, count, shown, slots = worlds.first[w], worlds.queued[w], 0, worlds.slot_report.shape[1]
+    while first < count and worlds.leave_s[w, worlds.queue[w, first]] <= time_s:
         first += 1
-    shown = 0
+    worlds.first[w] = first
+    # Behind a place in the queue from where on none has come, none is to be shown.
     for q in range(first, count):
-        report = queue[q]
-        if leave_s[report] > time_s and seen_s[report] <= time_s:
-            slots[shown] = report
+        if worlds.soon_s[w, q] > time_s or shown == slots:
+            break
+        report = worlds.queue[w, q]
+        if worlds.leave_s[w, report] > time_s and worlds.seen_s[w, report] <= time_s:
+            worlds.slot_report[w, shown] = report
             shown += 1
-            if shown == len(slots):
-                break
-    for k in range(shown, len(slots)):
-        slots[k] = len(leave_s) - 1
-    return first
+    for k in range(shown, slots):
+        worlds.slot_report[w, k] = worlds.leave_s.shape[1] - 1
 
 
 @compiled

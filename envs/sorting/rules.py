@@ -13,7 +13,6 @@ from ..core import Array, StepResult
 from ..kernel_core import book
 from .columns import (
     CANDIDATE,
-    CYCLE_SCALE_S,
     LIMIT,
     MACHINE,
     NUMBER,
@@ -23,30 +22,20 @@ from .columns import (
     SCORE,
     TOTAL,
     TRUTH,
-    WAIT_SCALE_S,
     Candidate,
     Phases,
     Rewards,
     Scores,
 )
+from .looks import ROOM, WAY, in_time, lay_features, lay_way, look, scale, ways_for
 from .order_columns import Tallies
 from .orders import blocked_s, deliver, fill_bin, lines_full, show_book, waiting_line
 from .reports import fate, show_reports, shown
 from .state import NOTHING, PICK, WAIT, Grip, SorterPlan, Tables, Worlds
-from .timing import look, turn_s
 
 _FEATURES = len(Candidate._fields)
 _PHASES, _REWARDS, _SCORES = len(Phases._fields), len(Rewards._fields), len(Scores._fields)
 _TALLIES = len(Tallies._fields)
-
-
-@compiled
-def turning_s(turn: Array, number: Array, turn_pace: float, turn_square_pace: float, shortest_s: float) -> float:
-    """Seconds that turning the platform from ``turn`` to a report's grip takes at least."""
-    cosine = 0.0
-    for part in range(4):
-        cosine += number[NUMBER.turn_w + part] * turn[part]
-    return turn_s(2.0 * math.acos(min(abs(cosine), 1.0)), turn_pace, turn_square_pace, shortest_s)
 
 
 @compiled
@@ -59,17 +48,18 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> S
     meet, bins, turn = worlds.place.copy(), worlds.place.copy(), worlds.turn.copy()
     grip, axes, phases_s = np.empty((n, 3)), np.zeros((n, 6)), np.zeros((n, _PHASES))
     paces, speed = tables.paces, tables.paces.speed_m_s
+    ways = ways_for(min(n, ROOM))
     for w in range(n):
-        slot[w] = min(actions[w], slots - 1)
+        if w % ROOM == 0:
+            together = min(ROOM, n - w)
+            for i in range(together):
+                slot[w + i] = min(actions[w + i], slots - 1)
+                lay_way(tables, worlds, w + i, worlds.slot_report[w + i, slot[w + i]], ways, i)
+            look(tables, ways, together)
         report = worlds.slot_report[w, slot[w]]
         number = worlds.number[w, report]
-        # From level a turn takes what it takes back to level: that is known since the report came.
-        least = number[NUMBER.least_s]
-        if not worlds.level[w]:
-            least = turning_s(start_turn[w], number, paces.turn_pace, paces.turn_square_pace, paces.shortest_s)
-        time_s = worlds.totals[w, TOTAL.time_s]
-        seen = look(speed, paces.pace, paces.square_pace, number, time_s, start[w, 0], start[w, 1], least)
-        kind = WAIT if actions[w] == slots else (PICK if seen.possible and report != empty else NOTHING)
+        way = ways[:, w % ROOM]
+        kind = WAIT if actions[w] == slots else (PICK if in_time(ways, w % ROOM) and report != empty else NOTHING)
         kinds[w] = kind
         if kind != PICK:
             reports[w], grades[w] = empty, worlds.report_grade[w, empty]
@@ -77,18 +67,19 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> S
             phases_s[w, PHASE.wait] = tables.rest_s[kind]
             continue
         reports[w], grades[w] = report, worlds.report_grade[w, report]
-        meet[w, 0], meet[w, 1] = seen.meet_m, number[NUMBER.across_m]
-        grip[w, 0] = seen.meet_m + speed * number[NUMBER.descend_s]
+        meet[w, 0], meet[w, 1] = way[WAY.meet_m], number[NUMBER.across_m]
+        grip[w, 0] = way[WAY.meet_m] + speed * number[NUMBER.descend_s]
         grip[w, 1], grip[w, 2] = number[NUMBER.across_m], number[NUMBER.height_m]
         copy(number[NUMBER.turn_w :], turn[w])
         copy(number[NUMBER.x_axis_x :], axes[w])
         copy(tables.bins[grades[w]], bins[w])
-        phases_s[w, PHASE.wait], phases_s[w, PHASE.approach] = seen.wait_s, seen.approach_s
+        phases_s[w, PHASE.wait], phases_s[w, PHASE.approach] = way[WAY.wait_s], way[WAY.approach_s]
         phases_s[w, PHASE.descend], phases_s[w, PHASE.lift] = number[NUMBER.descend_s], number[NUMBER.descend_s]
-        phases_s[w, PHASE.grip], phases_s[w, PHASE.carry] = paces.grip_s, seen.carry_s
+        phases_s[w, PHASE.grip], phases_s[w, PHASE.carry] = paces.grip_s, way[WAY.carry_s]
         phases_s[w, PHASE.release] = paces.release_s
         if worlds.bin_ready_s.shape[1]:
-            over_s = time_s + seen.wait_s + seen.approach_s + number[NUMBER.hold_s] + seen.carry_s
+            over_s = worlds.totals[w, TOTAL.time_s] + way[WAY.wait_s] + way[WAY.approach_s]
+            over_s += number[NUMBER.hold_s] + way[WAY.carry_s]
             phases_s[w, PHASE.release] += blocked_s(worlds, w, grades[w], over_s)
     return SorterPlan(kinds, slot, reports, grades, start, start_turn, meet, grip, turn, axes, bins, phases_s)
 
@@ -176,15 +167,7 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: SorterPlan, grip: Grip, p
         time_s = totals[TOTAL.time_s]
         terminated[w] = time_s >= worlds.end_s[w]
         truncated[w] = time_s >= tables.time_limit_s and not terminated[w]
-        worlds.first[w] = show_reports(
-            worlds.slot_report[w],
-            worlds.queue[w],
-            worlds.first[w],
-            worlds.queued[w],
-            worlds.leave_s[w],
-            worlds.seen_s[w],
-            time_s,
-        )
+        show_reports(worlds, w, time_s)
     return StepResult(rewards, phases_s, terminated, truncated)
 
 
@@ -222,45 +205,55 @@ def observe_worlds(
 ) -> None:
     """Write features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, K + 1), of ``rows``."""
     slots, empty = worlds.slot_report.shape[1], worlds.number.shape[1] - 1
-    paces, speed = tables.paces, tables.paces.speed_m_s
-    for w in rows:
-        fill(candidates[w], 0.0)
-        fill(mask[w], 0)
-        time_s, taken = worlds.totals[w, TOTAL.time_s], 0
-        x, y, level = worlds.place[w, 0], worlds.place[w, 1], worlds.level[w]
-        for k in range(slots):
-            report = worlds.slot_report[w, k]
-            if report == empty:
-                break
-            taken += 1
-            number = worlds.number[w, report]
-            least = number[NUMBER.least_s]
-            if not level:
-                least = turning_s(worlds.turn[w], number, paces.turn_pace, paces.turn_square_pace, paces.shortest_s)
-            seen = look(speed, paces.pace, paces.square_pace, number, time_s, x, y, least)
-            feature = candidates[w, k * _FEATURES : (k + 1) * _FEATURES]
-            copy(worlds.feature[w, report], feature)
-            cycle = seen.approach_s + seen.wait_s + seen.carry_s + number[NUMBER.hold_s] + paces.release_s
-            if worlds.line_left.shape[1]:
-                grade = int(worlds.report_grade[w, report])
-                cycle += blocked_s(worlds, w, grade, time_s + cycle - paces.release_s)
-                if waiting_line(worlds, w, grade, time_s + cycle) < 0:
-                    feature[CANDIDATE.value] = tables.surplus * tables.values[grade]
-            slack = max(number[NUMBER.deadline_s] - time_s - seen.approach_s, -WAIT_SCALE_S)
-            feature[CANDIDATE.along] = shown((time_s - number[NUMBER.passing_s]) * speed / PLACE_SCALE_M)
-            feature[CANDIDATE.approach] = shown(seen.approach_s)
-            feature[CANDIDATE.wait] = shown(seen.wait_s / WAIT_SCALE_S)
-            feature[CANDIDATE.cycle] = shown(cycle / CYCLE_SCALE_S)
-            feature[CANDIDATE.slack] = shown(slack / WAIT_SCALE_S)
-            feature[CANDIDATE.possible] = seen.possible
-            mask[w, k] = seen.possible
-        mask[w, slots] = 1
-        machine[w, MACHINE.x], machine[w, MACHINE.y] = shown(x / PLACE_SCALE_M), shown(y / PLACE_SCALE_M)
-        machine[w, MACHINE.turned] = math.sqrt(max(1.0 - worlds.turn[w, 0] * worlds.turn[w, 0], 0.0))
-        machine[w, MACHINE.time] = shown(time_s / tables.time_limit_s)
-        machine[w, MACHINE.in_view] = taken / slots
+    together = max(ROOM // slots, 1)
+    ways = ways_for(slots * min(together, len(rows)))
+    for first in range(0, len(rows), together):
+        some, looks = rows[first : first + together], 0
+        for w in some:
+            for k in range(slots):
+                if worlds.slot_report[w, k] == empty:
+                    break
+                lay_way(tables, worlds, w, worlds.slot_report[w, k], ways, looks)
+                looks += 1
+        look(tables, ways, looks)
         if worlds.line_left.shape[1]:
-            show_book(worlds, w, tables.bin_holds, LIMIT, machine[w])
+            looks = 0
+            for w in some:
+                for k in range(slots):
+                    report = worlds.slot_report[w, k]
+                    if report == empty:
+                        break
+                    over_s = ways[WAY.time_s, looks] + ways[WAY.cycle_s, looks] - tables.paces.release_s
+                    ways[WAY.cycle_s, looks] += blocked_s(worlds, w, int(worlds.report_grade[w, report]), over_s)
+                    looks += 1
+        scale(ways, looks)
+        looks = 0
+        for w in some:
+            fill(candidates[w], 0.0)
+            fill(mask[w], 0)
+            time_s, taken = worlds.totals[w, TOTAL.time_s], 0
+            for k in range(slots):
+                report = worlds.slot_report[w, k]
+                if report == empty:
+                    break
+                feature = candidates[w, k * _FEATURES : (k + 1) * _FEATURES]
+                copy(worlds.feature[w, report], feature)
+                lay_features(ways, looks + k, feature)
+                if worlds.line_left.shape[1]:
+                    grade = int(worlds.report_grade[w, report])
+                    if waiting_line(worlds, w, grade, time_s + ways[WAY.cycle_s, looks + k]) < 0:
+                        feature[CANDIDATE.value] = tables.surplus * tables.values[grade]
+                mask[w, k] = in_time(ways, looks + k)
+                taken += 1
+            looks += taken
+            mask[w, slots] = 1
+            x, y, turn_w = worlds.place[w, 0], worlds.place[w, 1], worlds.turn[w, 0]
+            machine[w, MACHINE.x], machine[w, MACHINE.y] = shown(x / PLACE_SCALE_M), shown(y / PLACE_SCALE_M)
+            machine[w, MACHINE.turned] = math.sqrt(max(1.0 - turn_w * turn_w, 0.0))
+            machine[w, MACHINE.time] = shown(time_s / tables.time_limit_s)
+            machine[w, MACHINE.in_view] = taken / slots
+            if worlds.line_left.shape[1]:
+                show_book(worlds, w, tables.bin_holds, LIMIT, machine[w])
 
 
 @compiled

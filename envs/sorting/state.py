@@ -115,6 +115,8 @@ class Worlds(NamedTuple):
     """Whether it then slips on the way."""
     queue: Annotated[NDArray[np.int64], shaped("reports", empty="reports")]
     """Reports in the order in which they leave."""
+    soon_s: Annotated[Array, shaped("reports", empty=np.inf)]
+    """By place in the queue: when the first of the report there and of those behind it arrives."""
     queued: Annotated[NDArray[np.int64], shaped()]
     """How many there are."""
     first: Annotated[NDArray[np.int64], shaped()]

@@ -12,8 +12,6 @@ from typing import NamedTuple
 
 from ...kernels import compiled
 from ...motion import QUINTIC
-from ..core import Array
-from .columns import NUMBER
 from .config import SortingConfig
 
 GUESS_S = 0.15
@@ -68,24 +66,6 @@ class Paces(NamedTuple):
             grip_s=grip.grip_s,
             release_s=grip.release_s,
         )
-
-
-class Seen(NamedTuple):
-    """A candidate as seen from now: where it is met and how long everything takes.
-
-    Attributes:
-        meet_m: x of the platform when the approach ends.
-        wait_s: before the approach.
-        approach_s: until the tool is over the item.
-        carry_s: from the lift to the bin.
-        possible: whether that is in time.
-    """
-
-    meet_m: float
-    wait_s: float
-    approach_s: float
-    carry_s: float
-    possible: bool
 
 
 @compiled
@@ -177,34 +157,3 @@ def carry_s(
     for _ in range(_ROUNDS):
         carry = way_s(way_m - 0.5 * speed_m_s * carry, aside_m2, slack_m, pace, square_pace, least_s)
     return carry
-
-
-@compiled
-def look(
-    speed_m_s: float,
-    pace: float,
-    square_pace: float,
-    number: Array,
-    time_s: float,
-    x_m: float,
-    y_m: float,
-    least_s: float,
-) -> Seen:
-    """See a report (``Number``) from a time and a platform's place; ``least_s`` is what turning to it takes."""
-    first, across = number[NUMBER.first_m], number[NUMBER.across_m] - y_m
-    now = (time_s - number[NUMBER.passing_s]) * speed_m_s
-    approach = approach_s(speed_m_s, now, first, x_m, across * across, 0.0, pace, square_pace, least_s, GUESS_S)
-    meet = max(now + speed_m_s * approach, first)
-    wait = max((meet - now) / speed_m_s - approach, 0.0)
-    way = number[NUMBER.bin_m] - meet - speed_m_s * number[NUMBER.hold_s]
-    carry = carry_s(
-        speed_m_s,
-        way,
-        number[NUMBER.aside_m2],
-        0.0,
-        pace,
-        square_pace,
-        number[NUMBER.least_s],
-        number[NUMBER.carry_s],
-    )
-    return Seen(meet, wait, approach, carry, meet <= number[NUMBER.last_m])
