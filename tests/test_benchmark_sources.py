@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -216,6 +217,7 @@ def test_a_bound_knows_the_field_of_a_file(tmp_path: Path):
     folder = drawn(tmp_path / "fields", range(3, 4))
     files = field_files(ENV, folder, {"scenario": "pots", "perception": "model"})
     models = suite("full", [ENV]).narrowed(None, ["nearest"], 1, "analytic", "model")
+    models = replace(models, cases=models.cases[:1])
     chosen = models.on_fields("fields", files).traced()
     assert [episode.policy for episode in chosen.episodes()] == ["nearest", BOUND]
     report, _ = run(chosen, tmp_path / "out")
@@ -223,7 +225,9 @@ def test_a_bound_knows_the_field_of_a_file(tmp_path: Path):
     assert report.failures == [] and report.violations == []
     assert report.bounds[0]["bound"]["net_rate"] != seeded.bounds[0]["bound"]["net_rate"]
     (row, bound) = tables.summarise(report.records, chosen.cases, report.bounds)
-    assert bound.policy == BOUND and row.gaps["net_rate"].n == 1 and row.gaps["net_rate"].value >= 0.0
+    assert bound.policy == BOUND and row.gaps["net_rate"].n == 1
+    # On one field luck may be better than its mean, but not better than all of it.
+    assert row.gaps["clairvoyant_net_rate"].value >= 0.0 and row.gaps["cycle_time_s"].value >= 0.0
 
 
 @pytest.mark.parametrize(
