@@ -176,7 +176,7 @@ def _order(book: OrderBook, by_grade: Array, by_due: Array) -> tuple[Cells, Arra
     """Grades and times (R, trays) of ordered trays from uniform numbers: as many of each, in any order."""
     trays = by_grade.shape[1]
     first = np.argsort(np.argsort(by_grade, axis=1), axis=1) < trays - round(book.second * trays)
-    place: Array = np.argsort(np.argsort(by_due, axis=1), axis=1) + 1.0
+    place = 1.0 + np.argsort(np.argsort(by_due, axis=1), axis=1).astype(np.float64)
     return np.where(first, *_CONTENTS).astype(np.int8), book.first_s + book.every_s * place
 
 
