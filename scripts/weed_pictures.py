@@ -116,7 +116,8 @@ def _figures(data: list[Lesson]) -> dict[str, str]:
             apart = np.hypot(*(weed[:, None] - weed[None]).transpose(2, 0, 1)) + np.diag(np.full(len(weed), np.inf))
             gaps += apart.min(axis=1).tolist()
         for kind, size in zip(one.kind.tolist(), one.size_px.tolist(), strict=True):
-            sizes[kind].append(size)
+            if size:
+                sizes[kind].append(size)
     names = [f"{s} {g}" for s in ("broadleaf", "grass") for g in ("cotyledon", "two-leaf", "four-leaf")]
     told = {
         "vegetation, % of the picture": spread(share),

@@ -10,6 +10,7 @@ import pytest
 
 import fieldgym  # noqa: F401
 from fieldgym.envs.weeding.eyes import ClassicalEyes, LearnedEyes, eyes_of, net_of, smaller
+from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.scene import WeederScene
 from fieldgym.envs.weeding.view import FrontCamera
@@ -247,7 +248,10 @@ def test_eyes_are_chosen_by_keyword():
     env: Any = gym.make("fieldgym/LaserWeeding-v0", backend="analytic", perception="camera", eyes="learned").unwrapped
     assert env.core.config.eyes == "learned" and type(env.view.eyes) is LearnedEyes
     env.close()
-    with pytest.raises(ValueError, match=r"perception = 'model' has no fit to eyes = 'learned' and pictures = 'field'"):
-        gym.make("fieldgym/LaserWeeding-v0", backend="analytic", eyes="learned", pictures="field")
+    env = gym.make("fieldgym/LaserWeeding-v0", backend="analytic", eyes="learned").unwrapped
+    assert env.core.perception == PerceptionModel.measured("learned") != PerceptionModel.measured()
+    env.close()
+    with pytest.raises(ValueError, match=r"perception = 'model' has no fit to eyes = 'learned' and pictures = 'odd'"):
+        PerceptionModel.measured("learned", "odd")
     with pytest.raises(ValueError, match=r"eyes.*'classical' or 'learned'"):
         gym.make("fieldgym/HoeWeeding-v0", backend="analytic", eyes="sharp")
