@@ -22,6 +22,7 @@ from fieldgym.envs.safflower.core import SafflowerCore
 from fieldgym.envs.safflower.features import DC, DM, C, candidate_table
 from fieldgym.envs.safflower.field import Closings
 from fieldgym.envs.safflower.process import collected_share
+from fieldgym.envs.safflower.state import T
 from fieldgym.envs.task import task
 from fieldgym.kernels.config import ConfigError
 from fieldgym.kernels.seeds import TUNED
@@ -78,14 +79,14 @@ def test_the_fuller_the_bag_the_more_of_what_is_cut_drops():
     core = env.core
     for fill in (0.0, 0.5, 0.999):
         twin = copy.deepcopy(core)
-        twin.state.bag_g[0] = fill * 4.0
+        twin.state.totals[0, T.bag] = fill * 4.0
         action = first_pick(info, 2)
         plan = twin.plan(np.array([action]))
         twin.apply(plan, twin.nominal(plan))
-        gained, dropped = twin.state.totals[0, [11, 12]]
+        gained, dropped = twin.state.totals[0, [T.gained, T.dropped]]
         share = collected_share(twin.tables.efforts[2, 1], 1.0) * (1.0 - 0.45 * fill)
         assert gained / (gained + dropped) == pytest.approx(share, rel=1e-9)
-        assert twin.state.bag_g[0] == pytest.approx(fill * 4.0 + gained)
+        assert twin.state.totals[0, T.bag] == pytest.approx(fill * 4.0 + gained)
 
 
 @pytest.mark.parametrize("late_s", [-0.01, 0.01])

@@ -86,7 +86,7 @@ def begin_worlds(
         totals[T.time], totals[T.recognise] = outset.recognise_s, outset.recognise_s
         for axis in range(3):
             worlds.pose[w, axis] = tables.look_pose[0, axis]
-        worlds.rise_s[w], worlds.stop[w], worlds.bag_g[w] = 0.0, 0, 0.0
+        worlds.rise_s[w], worlds.stop[w] = 0.0, 0
         fill(worlds.first[w], 0)
         for k in range(worlds.track_head.shape[1]):
             fill(worlds.track_feature[w, k], 0.0)

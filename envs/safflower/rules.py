@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernels import compiled
+from ...kernels import compiled, fill
 from ..core import Array, StepResult
 from ..kernel_core import book
 from .features import (
@@ -23,7 +23,7 @@ from .features import (
     M,
 )
 from .process import collected_share, cut_share
-from .state import E, PickerPlan, R, S, T, Tables, Worlds
+from .state import D, E, PickerPlan, R, S, T, Tables, Worlds
 from .timing import DRIVE, EMPTY, FINISH, NOTHING, P, beside_s, cart_s, settling_s, tool_s
 
 EMPTYING = 1
@@ -48,7 +48,7 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> P
                 what, rise = EMPTY, 0.0
             else:
                 what = DRIVE if stop + 1 < len(tables.look_pose) else FINISH
-        elif not worlds.track_legal[w, report] or worlds.bag_g[w] >= tables.bag_g:
+        elif not worlds.track_legal[w, report] or worlds.totals[w, T.bag] >= tables.bag_g:
             # No motion at all, not even up and down again to where it is.
             what, slot, report, rise = NOTHING, slots, worlds.slot_report[w, slots], 0.0
         descent = worlds.track_descent_s[w, report]
@@ -104,7 +104,7 @@ def apply_worlds(tables: Tables, worlds: Worlds, plan: PickerPlan, phases_s: Arr
         elif kind == NOTHING:
             totals[T.illegal] += 1.0
         elif kind == EMPTY:
-            worlds.bag_g[w] = 0.0
+            totals[T.bag] = 0.0
         for axis in range(3):
             worlds.pose[w, axis] = plan.target[w, axis]
         worlds.rise_s[w] = plan.next_rise_s[w]
@@ -128,17 +128,18 @@ def pick(tables: Tables, worlds: Worlds, w: int, effort: int, head: int, tool: A
     )
     cut = mass * share
     dropped = tables.efforts[effort, E.dropped]
-    dropped += (1.0 - dropped) * clogged(tables, worlds, w)
+    # The fuller the bag, the more drops; one that nothing fills is infinitely large.
+    dropped += (1.0 - dropped) * tables.clog * (totals[T.bag] / tables.bag_g)
     gained = cut * collected_share(dropped, worlds.head_odds[w, head, 1])
-    if wilted(worlds, w, head):
-        gained = 0.0
+    if worlds.head_closes_s.shape[1] > 0 and totals[T.time] > worlds.head_closes_s[w, head]:
+        gained = 0.0  # it has wilted by now
     fresh = share > 0.0 and not worlds.head_visited[w, head]
     done = fresh and gained > 0.0
     worlds.head_mass_g[w, head] = mass - cut
     if share > 0.0:
         worlds.head_visited[w, head] = True
     totals[T.gained] += gained
-    worlds.bag_g[w] += gained
+    totals[T.bag] += gained
     totals[T.dropped] += cut - gained
     if fresh and worlds.head_stage[w, head] == 0:
         totals[T.damaged] += 1.0
@@ -149,18 +150,6 @@ def pick(tables: Tables, worlds: Worlds, w: int, effort: int, head: int, tool: A
     else:
         totals[T.wasted] += 1.0
     return mass, gained, done
-
-
-@compiled
-def clogged(tables: Tables, worlds: Worlds, w: int) -> float:
-    """Share of the cut filaments that the bag lets drop as full as it is."""
-    return tables.clog * min(worlds.bag_g[w] / tables.bag_g, 1.0)
-
-
-@compiled
-def wilted(worlds: Worlds, w: int, head: int) -> bool:
-    """Whether a head has wilted by now."""
-    return worlds.head_closes_s.shape[1] > 0 and worlds.totals[w, T.time] > worlds.head_closes_s[w, head]
 
 
 @compiled
@@ -204,7 +193,6 @@ def observe_worlds(
 ) -> None:
     """Write features of the machine (B, .) and of the candidates (B, K * F), and the mask (B, 3 K + 1), of ``rows``."""
     slots = worlds.slot_report.shape[1] - 1
-    width = candidates.shape[1] // slots
     for w in rows:
         stop, pose = worlds.stop[w], worlds.pose[w]
         machine[w, M.ahead] = shown(pose[0] - tables.stop_pose[stop, 0], AHEAD_SCALE_M)
@@ -213,10 +201,9 @@ def observe_worlds(
         machine[w, M.time] = shown(worlds.totals[w, T.time], tables.time_limit_s)
         machine[w, M.stops_left] = 1.0 - (1.0 + stop) / len(tables.stop_pose)
         machine[w, M.remaining] = shown(float(worlds.remaining[w]), slots)
-        full = worlds.bag_g[w] >= tables.bag_g
         for k in range(slots):
             report = worlds.slot_report[w, k]
-            column = k * width
+            column = k * len(C)
             for f in range(len(C)):
                 candidates[w, column + f] = worlds.track_feature[w, report, f]
             if candidates[w, column + C.present] > 0.0:
@@ -228,30 +215,38 @@ def observe_worlds(
                 candidates[w, column + C.along] = shown(along, AHEAD_SCALE_M)
                 candidates[w, column + C.travel] = shown(travel_s, TRAVEL_SCALE_S)
             for effort in range(DRIVE):
-                mask[w, DRIVE * k + effort] = worlds.track_legal[w, report] and not full
+                mask[w, DRIVE * k + effort] = worlds.track_legal[w, report]
         mask[w, DRIVE * slots] = 1
-        if width > len(C):
-            observe_demands(tables, worlds, w, machine, candidates, mask)
 
 
 @compiled
 def observe_demands(
     tables: Tables,
     worlds: Worlds,
-    w: int,
+    rows: NDArray[np.int64],
     machine: NDArray[np.float32],
     candidates: NDArray[np.float32],
     mask: NDArray[np.int8],
 ) -> None:
-    """Write what is shown of bag and wilting, behind what is shown without them."""
+    """Write what is shown of bag and wilting in ``rows``, behind what is shown without them.
+
+    What stands there already moves apart, from the last candidate to the first: where nothing is demanded, a candidate
+    keeps a width that is known when the code is compiled.
+    """
     slots = worlds.slot_report.shape[1] - 1
-    machine[w, DM.bag] = shown(worlds.bag_g[w], tables.bag_g)
-    mask[w, DRIVE * slots + EMPTYING] = worlds.bag_g[w] > 0.0
-    for k in range(slots):
-        report, column = worlds.slot_report[w, k], k * len(DC)
-        left_s = worlds.track_closes_s[w, report] - worlds.totals[w, T.time]
-        candidates[w, column + DC.closes] = shown(max(left_s, 0.0), CLOSES_SCALE_S)
-        candidates[w, column + DC.row] = worlds.track_row[w, report]
+    for w in rows:
+        for k in range(slots - 1, -1, -1):
+            for f in range(len(C) - 1, -1, -1):
+                candidates[w, k * len(DC) + f] = candidates[w, k * len(C) + f]
+        if worlds.totals[w, T.bag] >= tables.bag_g:
+            fill(mask[w, : DRIVE * slots], 0)
+        machine[w, DM.bag] = shown(worlds.totals[w, T.bag], tables.bag_g)
+        mask[w, DRIVE * slots + EMPTYING] = worlds.totals[w, T.bag] > 0.0
+        for k in range(slots):
+            report, column = worlds.slot_report[w, k], k * len(DC)
+            left_s = worlds.track_told[w, report, D.closes] - worlds.totals[w, T.time]
+            candidates[w, column + DC.closes] = shown(max(left_s, 0.0), CLOSES_SCALE_S)
+            candidates[w, column + DC.row] = worlds.track_told[w, report, D.row]
 
 
 @compiled
@@ -291,6 +286,8 @@ def show_worlds(
     """What ``rows`` show; see ``KernelCore``."""
     (tables,), worlds = desk.rules, desk.worlds
     observe_worlds(tables, worlds, rows, machine, candidates, mask)
+    if machine.shape[1] > len(M):
+        observe_demands(tables, worlds, rows, machine, candidates, mask)
     score_worlds(worlds.totals, worlds.stop, rows, numbers)
 
 

@@ -51,6 +51,14 @@ class Totals(NamedTuple):
     total: Annotated[int, Says("g", "filaments of all open heads before the first pick")]
     wasted: Annotated[int, Says("", "picks that finished no open head")]
     last: Annotated[int, Says("s", "when the last open head was picked")]
+    bag: Annotated[int, Says("g", "filaments in the bag")]
+
+
+class Told(NamedTuple):
+    """What is reported of a head beside what is always shown."""
+
+    closes: Annotated[int, Says("s", "when it wilts, since the episode began")]
+    row: Annotated[int, Says("", "row that it stands in, 0 to 1")]
 
 
 class Scores(NamedTuple):
@@ -78,7 +86,7 @@ class Scores(NamedTuple):
     stop: Annotated[int, Says("", "number of the present stop, from 0")]
 
 
-R, E, T, S = numbered(Rewards), numbered(Effort), numbered(Totals), numbered(Scores)
+R, E, T, S, D = numbered(Rewards), numbered(Effort), numbered(Totals), numbered(Scores), numbered(Told)
 
 
 class Tables(NamedTuple):
@@ -154,14 +162,10 @@ class Worlds(NamedTuple):
     """Seconds of the rise that the next decision begins with."""
     totals: Annotated[Array, shaped(Totals)]
     """See ``Totals``."""
-    bag_g: Annotated[Array, shaped()]
-    """Filaments in the bag."""
     head_closes_s: Annotated[Array, shaped("wilting_heads")]
     """When each head has wilted; none where none wilts."""
-    track_closes_s: Annotated[Array, shaped("wilting_tracks")]
-    """When that is reported to be."""
-    track_row: Annotated[Array, shaped("wilting_tracks")]
-    """Which row it stands in, 0 to 1."""
+    track_told: Annotated[Array, shaped("wilting_tracks", Told)]
+    """What is reported of that, see ``Told``."""
 
 
 class PickerPlan(NamedTuple):

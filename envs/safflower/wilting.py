@@ -17,7 +17,7 @@ from ..field import FieldError
 from .config import OPEN_STAGES, STAGES, SafflowerConfig
 from .features import C
 from .field import Closings, SafflowerField
-from .state import Worlds
+from .state import D, Worlds
 
 _JUMPS = 3
 """So far ahead of a field's own numbers; those of its stands lie two jumps ahead, those of its drives one."""
@@ -68,7 +68,7 @@ def put_closings(
         exact: whether what is reported is true.
     """
     worlds.head_closes_s[rows, :-1], worlds.head_closes_s[rows, -1] = closings[..., 0], 0.0
-    worlds.track_closes_s[rows], worlds.track_row[rows] = 0.0, 0.0
+    worlds.track_told[rows] = 0.0
     if not reported:
         return
     for row, own in zip(rows, closings, strict=True):
@@ -93,12 +93,12 @@ def show_closings(config: SafflowerConfig, worlds: Worlds, row: int, tracks: sli
     if told is not None:
         # What is no head, or is taken for another stage, is thought to be of its stage's mean.
         mean = np.where((told > 0.0) & (mean > 0.0), told, mean)
-    worlds.track_closes_s[row, tracks] = np.where(present, mean, 0.0)
+    worlds.track_told[row, tracks, D.closes] = np.where(present, mean, 0.0)
     scenario = config.scenario
     across = worlds.track_target[row, tracks, 1] - 0.5 * config.machine.picker.five_bar.base_m
     number = across / scenario.row_gap_m + 0.5 * (scenario.rows - 1) if scenario.rows > 1 else 0.0 * across
     place = np.clip(np.rint(number), 0, scenario.rows - 1) / max(scenario.rows - 1, 1)
-    worlds.track_row[row, tracks] = np.where(present, place, 0.0)
+    worlds.track_told[row, tracks, D.row] = np.where(present, place, 0.0)
 
 
 def closings_of(fields: Sequence[SafflowerField], slots: int) -> Array | None:
