@@ -290,7 +290,7 @@ def test_stop_windows_cover_the_row():
     for scenario in SCENARIOS.values():
         centres = stop_centres(scenario)
         assert len(centres) == scenario.stops
-        last_plant = scenario.pitch_m * (scenario.plants - (1 if scenario.potted else 0.5))
+        last_plant = scenario.pitch_m * (scenario.plants / scenario.rows - (1 if scenario.potted else 0.5))
         assert abs(centres[-1] - last_plant) <= scenario.window_m
 
 
