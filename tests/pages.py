@@ -53,6 +53,7 @@ NOT_RUN = {
     ".ci/run": "is what runs these tests",
     "python scripts/speed.py": "measures for minutes; tests run its sections",
     "python scripts/clone_policy.py": "learns for a minute; test_clone runs it on a small set",
+    "python scripts/train_weed_eyes.py": "learns for a quarter of an hour; test_weed_eyes plays its nets by hand",
     "python scripts/growth.py": "measures for hours; tests run its parts",
     "python -m fieldgym.scripts.compare_renderers": "measures for minutes; test_compare_renderers runs it on a camera",
     "python -m rl_zoo3.": "learns for minutes; test_gymnasium_wrappers trains and enjoys for some decisions",

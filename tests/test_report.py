@@ -388,11 +388,12 @@ def test_command_says_what_is_wrong_in_a_line(tmp_path: Path):
     assert "no results in" in str(failed.exception) and "\n" not in str(failed.exception)
 
 
-def test_every_registered_policy_has_a_colour_of_its_own_in_its_task(study: reader.Study):
+def test_every_registered_policy_has_a_colour_of_its_own_among_those_that_it_is_compared_with(study: reader.Study):
     from fieldgym.agents import policy_names
-    from fieldgym.envs import env_ids
+    from fieldgym.envs import env_ids, task
 
     styles = page.styles_of(study)
     for env_id in (name for name in env_ids() if name.startswith("fieldgym/")):
-        colours = [styles[name].colour for name in policy_names(env_id)]
-        assert len(set(colours)) == len(colours), env_id
+        for scenario in (task(env_id).headline, *task(env_id).ordering):
+            colours = [styles[name].colour for name in task(env_id).lineup(scenario, policy_names(env_id))]
+            assert len(set(colours)) == len(colours), (env_id, scenario)

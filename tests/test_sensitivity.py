@@ -67,7 +67,8 @@ def test_a_trial_is_the_benchmarks_own_episodes():
 
 
 def test_eyes_change_what_they_say():
-    model = task("fieldgym/LaserWeeding-v0").assembly.measured(None)
+    assembly = task("fieldgym/LaserWeeding-v0").assembly
+    model = assembly.measured(assembly.configured())
     was = [np.array(rows) for rows in model.sightings]
     sharp, worse = aiming(0.001)(model), tracking(0.004)(model)
     for own, aim, track in zip(was, sharp.sightings, worse.sightings, strict=True):

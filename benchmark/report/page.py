@@ -8,6 +8,7 @@ from typing import Any
 
 from ...agents import policy_names, reference_policy
 from ...envs import env_ids
+from ...envs.task import task
 from ..ranking import multiplicity
 from ..statistics import CONFIDENCE, FEWEST_PAIRS, RESAMPLES
 from . import grids, overall, sections
@@ -54,14 +55,13 @@ def render(study: Study, command: str, replays: Mapping[str, Mapping[str, str]] 
 
 def styles_of(study: Study) -> dict[str, Style]:
     """A style a policy, the same whatever part of the benchmark a folder holds."""
-    there = {
-        item.task.id: {name for tier in (item.headline, *item.others) for name in tier.policies}
-        for item in study.chapters
-    }
-    groups = []
-    for env_id in env_ids():
-        known = policy_names(env_id)
-        groups.append([*known, *sorted(there.get(env_id, set()).difference(known))])
+    groups = [
+        list(task(env_id).lineup(scenario, policy_names(env_id)))
+        for env_id in env_ids()
+        for scenario in task(env_id).lineups or ("",)
+    ]
+    # Guests come after the package's own, which look the same with and without them.
+    groups += [list(tier.policies) for item in study.chapters for tier in (item.headline, *item.others)]
     return policy_styles(groups, [reference_policy(env_id) for env_id in env_ids()])
 
 

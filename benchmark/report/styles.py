@@ -66,7 +66,9 @@ def policy_styles(groups: Iterable[Sequence[str]], references: Iterable[str]) ->
             continue
         taken = {styles[other] for other in meets[name] if other in styles}
         choices = [Style(hue, SHAPES[(i + turn) % len(SHAPES)]) for turn in range(6) for i, hue in enumerate(HUES)]
-        styles[name] = next((style for style in choices if style not in taken), choices[0])
+        hues = {style.colour for style in taken}
+        free = [style for style in choices if style.colour not in hues] or [s for s in choices if s not in taken]
+        styles[name] = (free or choices)[0]
     return {name: styles[name] for name in meets}
 
 
