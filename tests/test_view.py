@@ -234,8 +234,11 @@ def test_what_is_believed_is_near_what_is_true(env_id: str):
         assert belief is not None
         taken = seat.observation["candidates"].reshape(seat.layout.candidates, seat.layout.features)[:, 0] > 0.5
         np.testing.assert_array_equal(np.isfinite(belief.slot_m[:, 0]), taken)
-        # A sorter says where its platform would be: 90 mm over the item, tilted by 20 degrees at most and so much aside.
-        near = 0.09 * np.sin(np.radians(20.0)) + 1e-6 if "Sorting" in env_id else 1e-6
+        near = 1e-6
+        if "Sorting" in env_id:
+            # It says where its platform would be: a tool's length over the item, aside by what that leans at most.
+            machine = seat.env.unwrapped.core.config.machine
+            near += machine.sorter.tool_m * np.sin(machine.tilt_limit_rad)
         for ends in (belief.slot_m, belief.to_m):
             if ends is not None and taken.any():
                 away = np.linalg.norm(ends[taken][:, None] - belief.true_m[None], axis=-1).min(axis=1)
