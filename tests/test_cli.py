@@ -14,6 +14,7 @@ from waiting import until
 import fieldgym
 from fieldgym.agents import policy_names
 from fieldgym.benchmark.record import untimed
+from fieldgym.envs import task
 from fieldgym.scripts import cli, run
 from fieldgym.scripts.common import CommandError, chosen, environment_id
 
@@ -185,7 +186,8 @@ def test_benchmark_is_the_same_on_one_process_and_on_two(tmp_path: Path):
         return sorted((untimed(json.loads(line)) for line in lines), key=lambda each: (each["policy"], each["seed"]))
 
     alone = records(1)
-    assert len(alone) == 2 * len(policy_names("fieldgym/SafflowerPicking-v0"))
+    picker = task("fieldgym/SafflowerPicking-v0")
+    assert len(alone) == 2 * len(picker.lineup(picker.headline, policy_names(picker.id)))
     assert alone == records(2)
 
 

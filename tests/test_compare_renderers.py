@@ -67,9 +67,11 @@ def test_what_cannot_show_is_left_out_and_nothing_else():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DETECTORS)
 def test_detectors_make_the_same_of_both(name):
-    own = DETECTORS[name](4)
+    # Few pictures of the belt do not show both tubers and fruit.
+    pictures = 16 if "produce" in name else 4
+    own = DETECTORS[name](pictures)
     with by_tiny():
-        tiny = DETECTORS[name](4)
+        tiny = DETECTORS[name](pictures)
     assert own.truth == tiny.truth > 0 and abs(own.found - tiny.found) <= 1 and abs(own.false - tiny.false) <= 1
     assert own.found > 0.4 * own.truth
     assert (np.isnan(own.error_mm) and np.isnan(tiny.error_mm)) or abs(own.error_mm - tiny.error_mm) < 0.3
