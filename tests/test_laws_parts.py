@@ -19,7 +19,8 @@ from fieldgym.envs.sorting.columns import PHASE
 from fieldgym.envs.sorting.config import PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.core import SortingCore
 from fieldgym.envs.sorting.motions import PickMotion
-from fieldgym.envs.transplanting.timing import Gate, gate_motion
+from fieldgym.envs.transplanting.gates import Gate
+from fieldgym.envs.transplanting.timing import gate_motion
 from fieldgym.envs.weeding import drawing as weeds
 from fieldgym.envs.weeding import rules
 from fieldgym.envs.weeding.state import PAD, N, T

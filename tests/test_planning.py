@@ -115,7 +115,7 @@ def test_a_sequence_knows_in_which_way_it_did_what():
 
 def test_a_search_within_a_budget_grows_wider_while_there_is_time(monkeypatch):
     now_s, widths = [0.0], []
-    monkeypatch.setattr(planning.time, "perf_counter", lambda: now_s[0])
+    monkeypatch.setattr("fieldgym.agents.policies.search.time.perf_counter", lambda: now_s[0])
 
     def plan(width):
         widths.append(width)

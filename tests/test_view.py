@@ -237,7 +237,8 @@ def test_what_is_believed_is_near_what_is_true(env_id: str):
         near = 1e-6
         if "Sorting" in env_id:
             # It says where its platform would be: a tool's length over the item, aside by what that leans at most.
-            machine = seat.env.unwrapped.core.config.machine
+            unwrapped: Any = seat.env.unwrapped
+            machine = unwrapped.core.config.machine
             near += machine.sorter.tool_m * np.sin(machine.tilt_limit_rad)
         for ends in (belief.slot_m, belief.to_m):
             if ends is not None and taken.any():
