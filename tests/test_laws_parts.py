@@ -19,12 +19,12 @@ from fieldgym.envs.sorting.columns import PHASE
 from fieldgym.envs.sorting.config import PerceptionModel, SortingConfig
 from fieldgym.envs.sorting.core import SortingCore
 from fieldgym.envs.sorting.motions import PickMotion
-from fieldgym.envs.transplanting.gates import Gate
 from fieldgym.envs.transplanting.timing import gate_motion
 from fieldgym.envs.weeding import drawing as weeds
 from fieldgym.envs.weeding import rules
 from fieldgym.envs.weeding.state import PAD, N, T
 from fieldgym.kernels.config import override
+from fieldgym.motion import Gate
 
 
 def plain(kernel: Any) -> Any:
