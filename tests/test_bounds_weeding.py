@@ -112,12 +112,9 @@ def test_haste_binds():
     assert below > 0
 
 
-@pytest.mark.parametrize(
-    ("env_id", "scenario"),
-    [(LASER, "load-1.25"), (LASER, "load-1.6-even"), (LASER, "dense"), (SPEED, "load-1.25"), (HOE, "load-1.25")],
-)
-def test_no_policy_beats_the_bound(env_id, scenario, no_policy_beats):
-    no_policy_beats(env_id, range(3), scenario)
+@pytest.mark.parametrize("env_id", [LASER, SPEED, HOE])
+def test_no_policy_beats_the_bound(env_id, no_policy_beats):
+    no_policy_beats(env_id, range(2), "load-1.25")
 
 
 @pytest.mark.slow
@@ -126,7 +123,7 @@ def test_no_policy_beats_the_bound(env_id, scenario, no_policy_beats):
     "scenario", [name for name, scenario in SCENARIOS.items() if scenario.ground.iso_class == LEVEL]
 )
 def test_no_policy_beats_the_bound_in_any_field(env_id, scenario, no_policy_beats):
-    no_policy_beats(env_id, range(3), scenario)
+    no_policy_beats(env_id, range(2, 3), scenario)
 
 
 def test_a_schedule_that_knows_everything_comes_near_the_bound():
