@@ -80,7 +80,12 @@ def hoped_shots(core: Any, row: int, tables: Outcomes) -> Shots:
         ways = []
         for mode in np.flatnonzero(brings[k] > FAINT).tolist():
             shares = {k: 1.0}
-            shares |= {place[j]: float(kills[j][k][mode] / most[j]) for j in shared if k in kills[j] and most[j] > 0.0}
+            # What a mode cannot kill it does not serve, and a share of nothing has no price.
+            shares |= {
+                place[j]: float(kills[j][k][mode] / most[j])
+                for j in shared
+                if k in kills[j] and kills[j][k][mode] > 0.0
+            }
             apart = float(faint[k, mode]) + (0.0 if k in place else float(own[k, mode]))
             stand_s, energy_j = float(core.tables.stand_s[mode]), float(core.tables.energy_j[mode])
             paid = float(top[k]) - apart
