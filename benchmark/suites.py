@@ -9,22 +9,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..agents.foreign import in_words
-from ..agents.policies.weights import LEARNED
 from ..agents.sources import REGISTERED, PolicySource, policy_names, policy_source, task_code
 from ..envs.task import TaskSpec, task, tasks
-from ..kernels.seeds import HELD_OUT, SHOWN, TUNED
 from .fields import FieldFile
+from .parts import PARTS, few
 
-SUITES = ("quick", "full", "tiers")
+SUITES = tuple(PARTS)
 
 BOUND = "bound"
 """Stands where a policy stands: what no policy can beat on that instance, see ``limits``."""
-
-QUICK_EPISODES = 8
-QUICK_TOUR_EPISODES = 2
-"""The first environment is compared, the others are shown: together they take two minutes on two cores."""
-FULL_EPISODES = 200
-FULL_PYBULLET_EPISODES = 24
 
 
 @dataclass(frozen=True, order=True)
@@ -143,7 +136,7 @@ class Case:
         reference: the policy that the others are compared with.
         seeds: of the environment; equal seeds are equal fields with equal luck, so comparisons are paired. The timeline
             of the first one is kept.
-        bounded: whether the instances have a bound.
+        bounds: so many of the instances, the first ones, have their bound beside them; gaps are told of these.
         fields: files that are played instead, every one with the first seed.
         sources: where policies come from that are not the package's own.
         task_code: see ``Episode``.
@@ -153,7 +146,7 @@ class Case:
     policies: tuple[str, ...]
     reference: str
     seeds: tuple[int, ...]
-    bounded: bool = False
+    bounds: int = 0
     fields: tuple[FieldFile, ...] = ()
     sources: tuple[PolicySource, ...] = ()
     task_code: str = ""
@@ -162,11 +155,10 @@ class Case:
         """Seeds outermost, so that an interrupted run holds complete pairs."""
         source = {each.name: each for each in self.sources}
         instances = [(self.seeds[0], file) for file in self.fields] or [(seed, None) for seed in self.seeds]
-        for seed, file in instances:
-            first = (seed, file) == instances[0]
+        for i, (seed, file) in enumerate(instances):
             for policy in self.policies:
-                yield Episode(self.condition, policy, seed, first, file, source.get(policy), self.task_code)
-            if self.bounded:
+                yield Episode(self.condition, policy, seed, i == 0, file, source.get(policy), self.task_code)
+            if i < self.bounds:
                 yield Episode(self.condition, BOUND, seed, field=file, task_code=self.task_code)
 
 
@@ -236,7 +228,7 @@ class Suite:
         """
         cases: dict[Condition, Case] = {}
         for case in self.cases:
-            where = replace(case.condition, changes=changes_of(numbers or {}))
+            where = replace(case.condition, changes=changes_of({**case.condition.numbers, **(numbers or {})}))
             where = where if scenario is None else replace(where, scenario=scenario)
             cases.setdefault(where, replace(case, condition=where, policies=_lined_up(case, scenario)))
         return replace(self, cases=tuple(cases.values()))
@@ -244,7 +236,13 @@ class Suite:
     def on_fields(self, folder: str, files: Sequence[FieldFile]) -> Suite:
         """The same suite on field files instead of seeds."""
         cases = [
-            replace(case, condition=replace(case.condition, fields=folder), fields=tuple(files)) for case in self.cases
+            replace(
+                case,
+                condition=replace(case.condition, fields=folder),
+                fields=tuple(files),
+                bounds=len(files) if case.bounds else 0,
+            )
+            for case in self.cases
         ]
         return replace(self, cases=tuple(cases))
 
@@ -270,10 +268,12 @@ class Suite:
 
 def _lined_up(case: Case, scenario: str | None) -> tuple[str, ...]:
     """The policies of a case under another scenario: its own where some were chosen, else those that are for it."""
-    spec, known = task(case.condition.env_id), policy_names(case.condition.env_id)
-    if scenario is None or case.policies != spec.lineup(case.condition.scenario, known):
-        return case.policies
-    return spec.lineup(scenario, known)
+    spec, known, own = task(case.condition.env_id), policy_names(case.condition.env_id), case.condition.scenario
+    if scenario is not None and case.policies == spec.lineup(own, known):
+        return spec.lineup(scenario, known)
+    if scenario is not None and case.policies == spec.lineup(own, few(spec, own, known)):
+        return spec.lineup(scenario, few(spec, scenario, known))
+    return case.policies
 
 
 def _moved(case: Case, backend: str) -> Case:
@@ -282,7 +282,7 @@ def _moved(case: Case, backend: str) -> Case:
     return replace(case, condition=replace(case.condition, backend=backend, perception=perception))
 
 
-def _part(spec: TaskSpec, backend: str, perception: str) -> tuple[str, str]:
+def _there(spec: TaskSpec, backend: str, perception: str) -> tuple[str, str]:
     """Backend and perception that a task has, the wanted ones where there are."""
     backend = backend if backend in spec.backends else spec.backends[0]
     return backend, perception if perception in spec.perceptions else spec.assembly.default_perception(backend)
@@ -306,12 +306,14 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
 
     ``quick``: each environment's headline scenario in PyBullet, the first one (the picking paper's protocol) with its
     camera, the others on fewer seeds with the model of theirs, without bounds. ``full``: every headline scenario on
-    many seeds with the analytic backend, and on the first of them in PyBullet, both with the camera's model, so that
-    the two differ in what carries plans out alone; and the reference on all of these seeds with the analytic backend
-    and its rendered cameras, which differ from the first in what sees alone; and the scenarios in which the order of
-    work matters; and the rules on the scenarios that demand a net rate, without bounds; all of it on the seeds that are
-    held out for it. ``tiers``: every scenario on many shown seeds with the analytic backend. See ``kernels.seeds``.
-    A task without a simulated machine, or without a camera, is run with what it has.
+    many seeds with the analytic backend, and on the first of them in PyBullet (the reference, what is recommended and
+    what has learned), both with the camera's model, so that the two differ in what carries plans out alone; and the
+    reference on seeds of these with the analytic backend and its rendered cameras, which differ from the first in what
+    sees alone, with all of ``TaskSpec.sights`` and perfect perception beside them where there are several; and the
+    scenarios in which the order of work matters; and the rules on the scenarios that demand a net rate, without bounds;
+    all of it on the seeds that are held out for it. Bounds stand beside the first of the seeds. ``tiers``: every
+    scenario on many shown seeds with the analytic backend. See ``kernels.seeds``. A task without a simulated machine,
+    or without a camera, is run with what it has.
 
     Args:
         name: one of ``SUITES``.
@@ -325,35 +327,15 @@ def suite(name: str, ids: Sequence[str] | None = None) -> Suite:
     cases: dict[Condition, Case] = {}
     for env_id in [spec.id for spec in usable_tasks()] if ids is None else ids:
         spec = task(env_id)
-        headline = (spec.headline,)
-        everybody, reference = policy_names(env_id), (spec.reference,)
-        if name == "quick":
-            first = spec == tasks()[0]
-            sees = spec.assembly.default_perception("pybullet") if first else "model"
-            parts = [(headline, "pybullet", sees, TUNED, QUICK_EPISODES if first else QUICK_TOUR_EPISODES, everybody)]
-        elif name == "full":
-            parts = [
-                (headline, "analytic", "model", HELD_OUT, FULL_EPISODES, everybody),
-                (headline, "pybullet", "model", HELD_OUT, FULL_PYBULLET_EPISODES, everybody),
-            ]
-            if "camera" in spec.perceptions:
-                parts.append((headline, "analytic", "camera", HELD_OUT, FULL_EPISODES, reference))
-            rules = tuple(name for name in everybody if name != LEARNED)
-            for scenario in spec.ordering:
-                parts.append(((scenario,), "analytic", "model", HELD_OUT, FULL_EPISODES, everybody))
-            for scenario, sees in spec.demands.items():
-                parts.append(((scenario,), "analytic", sees, HELD_OUT, FULL_EPISODES, rules))
-        else:
-            parts = [(spec.scenarios, "analytic", "model", SHOWN, FULL_EPISODES, everybody)]
-        bounded = name != "quick"
-        for scenarios, backend, perception, block, episodes, policies in parts:
-            for scenario in scenarios:
-                case = Case(
-                    Condition(env_id, scenario, *_part(spec, backend, perception)),
-                    spec.lineup(scenario, policies),
-                    spec.reference,
-                    tuple(block.take(episodes)),
-                    bounded and perception == "model" and spec.bound is not None and scenario not in spec.demands,
-                )
-                cases.setdefault(case.condition, case)
+        for part in PARTS[name](spec, policy_names(env_id)):
+            backend, perception = _there(spec, part.backend, part.perception)
+            known = spec.bound is not None and perception == "model" and part.scenario not in spec.demands
+            case = Case(
+                Condition(env_id, part.scenario, backend, perception, changes_of(part.changes)),
+                spec.lineup(part.scenario, part.policies),
+                spec.reference,
+                tuple(part.block.take(part.episodes)),
+                part.bounds if known else 0,
+            )
+            cases.setdefault(case.condition, case)
     return Suite(name, tuple(cases.values()))

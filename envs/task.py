@@ -42,6 +42,8 @@ class TaskSpec:
         reference: the policy that the others are compared with.
         best: scenario -> the policy that is recommended for it, under ``""`` that for all others: what ``best`` means.
             Without any the reference is.
+        sights: what the cameras of the benchmark's reference see and what looks at it: changes of the configuration by
+            dotted name, and on how many fields.
         planners: those of the policies that search some decisions ahead; tables tell the best of them apart from the
             best rule.
         paper: where the machine comes from.
@@ -73,6 +75,7 @@ class TaskSpec:
     lineups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     best: Mapping[str, str] = field(default_factory=dict)
     planners: tuple[str, ...] = ()
+    sights: tuple[tuple[Mapping[str, Any], int], ...] = (({}, 200),)
 
     def __post_init__(self) -> None:
         """Check what can be checked without loading anything."""

@@ -131,6 +131,14 @@ def _figures(data: list[Lesson]) -> dict[str, str]:
     }
     for kind, name in enumerate([*names, "crop plant"]):
         told[f"pixels of a {name}"] = spread(sizes[kind] or [np.nan], ".0f")
+    every = {"weeds": [size for kind in range(KINDS) for size in sizes[kind]], "crop plants": sizes[KINDS]}
+    whole_px = sum(one.owner.size for one in data)
+    for name, some in every.items():
+        told[f"{name} a picture, mean"] = f"{len(some) / len(data):.1f}"
+        told[f"share of the pictures that {name} cover, %"] = f"{100.0 * sum(some) / whole_px:.2f}"
+        told[f"of a picture that one of the {name} covers, mean, %"] = (
+            f"{100.0 * np.mean(some) * len(data) / whole_px:.3f}"
+        )
     return told
 
 

@@ -16,7 +16,7 @@ from fieldgym.benchmark.suites import BOUND, Case, Condition, Episode, Suite, su
 
 CONDITION = Condition("fieldgym/Stand-v0", "pots", "analytic", "model")
 SMALL = Suite("quick", (Case(CONDITION, ("first", "second"), "first", (0, 1, 2, 3)),))
-BOUNDED = Suite("quick", (Case(CONDITION, ("first", "second"), "first", (0, 1, 2, 3), bounded=True),))
+BOUNDED = Suite("quick", (Case(CONDITION, ("first", "second"), "first", (0, 1, 2, 3), bounds=4),))
 
 
 def instead(episode: Episode, cancelled: Any) -> Record:

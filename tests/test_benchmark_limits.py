@@ -75,7 +75,7 @@ def test_nothing_is_asked_where_no_bound_is_known(bound: Record):
 def test_no_result_of_the_full_suite_s_first_seeds_beats_its_bound(env_id: str, tmp_path):
     whole = suite("full").narrowed(env_id=env_id, episodes=1, backend="analytic")
     # Cameras may report anything, and a demand counts otherwise: they have no bound.
-    tiny = replace(whole, cases=tuple(case for case in whole.cases if case.bounded))
+    tiny = replace(whole, cases=tuple(case for case in whole.cases if case.bounds))
     report = run_suite(tiny, tmp_path)
     assert report.failures == [] and report.violations == []
     assert len(report.bounds) == len(tiny.cases)

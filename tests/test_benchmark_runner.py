@@ -18,7 +18,7 @@ CONDITION = Condition("fieldgym/Stand-v0", "pots", "analytic", "model")
 
 
 def small_suite(seeds: int = 4, policies: tuple[str, ...] = ("first", "second"), bounded: bool = False) -> Suite:
-    return Suite("quick", (Case(CONDITION, policies, policies[0], tuple(range(seeds)), bounded),))
+    return Suite("quick", (Case(CONDITION, policies, policies[0], tuple(range(seeds)), seeds if bounded else 0),))
 
 
 def result_of(episode: Episode) -> Record:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldgym.benchmark import suites, tables, thinking
+from fieldgym.benchmark import parts, suites, tables, thinking
 from fieldgym.benchmark.record import Record
 from fieldgym.benchmark.suites import BOUND, Case, Condition, Suite
 from fieldgym.kernels.seeds import HELD_OUT
@@ -243,19 +243,19 @@ def test_the_full_suite_pairs_both_backends_on_seeds_that_nothing_was_trained_or
     from fieldgym.envs import env_ids, task
 
     cases = suites.suite("full").cases
-    seeds = set(HELD_OUT.take(suites.FULL_EPISODES))
+    seeds = set(HELD_OUT.take(parts.FULL_EPISODES))
     for env_id in env_ids():
         by_backend = {
             case.condition.backend: case
             for case in cases
             if case.condition.env_id == env_id
-            and case.condition.perception != "camera"
+            and case.condition.perception == "model"
             and case.condition.scenario not in (*task(env_id).demands, *task(env_id).ordering)
         }
         assert {case.condition.scenario for case in by_backend.values()} == {task(env_id).headline}
         assert {case.condition.perception for case in by_backend.values()} == {"model"}
         assert set(by_backend["analytic"].seeds) == seeds and len(seeds) >= 200
-        assert by_backend["pybullet"].seeds == by_backend["analytic"].seeds[: suites.FULL_PYBULLET_EPISODES]
+        assert by_backend["pybullet"].seeds == by_backend["analytic"].seeds[: parts.FULL_PYBULLET_EPISODES]
     for env_id in env_ids():
         for scenario in task(env_id).scenarios:
             path = shipped(env_id, scenario)
@@ -275,13 +275,15 @@ def test_the_full_suite_pairs_cameras_with_their_model():
             for case in cases
             if (case.condition.env_id, case.condition.backend) == (spec.id, "analytic")
             and case.condition.scenario == spec.headline
+            and not case.condition.changes
         }
-        assert own.keys() == {"camera", "model"} & set(spec.perceptions)
+        several = {"perfect"} if len(spec.sights) > 1 else set()
+        assert own.keys() == {"camera", "model"} & set(spec.perceptions) | several
         if "camera" in own:
             seen, modelled = own["camera"], own["model"]
             assert seen.condition.scenario == modelled.condition.scenario == spec.headline
-            assert seen.policies == (spec.reference,) and not seen.bounded
-            assert seen.seeds == modelled.seeds and len(seen.seeds) == 200
+            assert seen.policies == (spec.reference,) and not seen.bounds
+            assert seen.seeds == modelled.seeds[: len(seen.seeds)] and len(seen.seeds) == spec.sights[0][1]
 
 
 def test_the_full_suite_plays_what_is_demanded_with_eyes_that_can_meet_it():
@@ -295,8 +297,8 @@ def test_the_full_suite_plays_what_is_demanded_with_eyes_that_can_meet_it():
 
 def test_the_full_suite_plays_what_has_to_be_put_in_order_with_those_who_can():
     ordered = [case for case in suites.suite("full").cases if case.condition.scenario == "bag"]
-    assert [(case.condition.backend, case.condition.perception, case.bounded) for case in ordered] == [
-        ("analytic", "model", True)
+    assert [(case.condition.backend, case.condition.perception, case.bounds) for case in ordered] == [
+        ("analytic", "model", parts.FULL_BOUNDS)
     ]
     assert {"fixed-order", "closing-first", "bag-horizon"} <= set(ordered[0].policies)
     assert "learned" not in ordered[0].policies and "random" in ordered[0].policies
@@ -309,7 +311,7 @@ def test_another_scenario_is_played_by_the_policies_that_are_for_it():
     picker = suites.suite("full", ["fieldgym/SafflowerPicking-v0"])
     by_backend = {case.condition.backend: case.policies for case in picker.under("bag").cases}
     ordered = [case.policies for case in picker.cases if case.condition.scenario == "bag"]
-    assert by_backend["pybullet"] == ordered[0]
+    assert by_backend["pybullet"] == ("fixed-order", "bag-horizon")
     chosen = picker.narrowed(policies=["nearest", "learned"]).under("bag")
     assert {case.policies for case in chosen.cases} == {("nearest", "learned")}
 
@@ -331,19 +333,25 @@ def test_suites_cover_every_environment_with_its_reference():
         assert {case.condition.env_id for case in cases} == set(env_ids())
         for case in cases:
             assert case.reference in case.policies
-            seen = case.condition.perception == "camera" and name == "full"
-            owed = name == "full" and case.condition.scenario in task(case.condition.env_id).demands
             spec = task(case.condition.env_id)
+            owed = name == "full" and case.condition.scenario in spec.demands
+            seen = name == "full" and case.condition.perception != "model" and not owed
+            driven = name == "full" and case.condition.backend == "pybullet"
             everybody = spec.lineup(case.condition.scenario, policy_names(case.condition.env_id))
             rules = tuple(policy for policy in everybody if policy != "learned")
-            assert case.policies == ((case.reference,) if seen else rules if owed else everybody)
-            assert case.condition.scenario in task(case.condition.env_id).scenarios
-            demanding = case.condition.scenario in task(case.condition.env_id).demands
-            assert case.bounded == (
-                name != "quick" and not seen and not demanding and case.condition.env_id in bounded_ids()
-            )
-            asked = [episode.policy for episode in case.episodes() if episode.seed == case.seeds[0]]
-            assert asked == [*case.policies, *([BOUND] if case.bounded else [])]
+            best = spec.recommended(case.condition.scenario)
+            few = tuple(policy for policy in everybody if policy in (case.reference, best, "learned"))
+            wanted = (case.reference,) if seen else rules if owed else few if driven else everybody
+            assert case.policies == wanted
+            assert case.condition.scenario in spec.scenarios
+            known = name != "quick" and not seen and case.condition.scenario not in spec.demands
+            known = known and case.condition.env_id in bounded_ids()
+            most = parts.FULL_PYBULLET_BOUNDS if driven else parts.FULL_BOUNDS if name == "full" else len(case.seeds)
+            assert case.bounds == (most if known else 0)
+            for first, seed in ((True, case.seeds[0]), (False, case.seeds[-1])):
+                asked = [episode.policy for episode in case.episodes() if episode.seed == seed]
+                beside = case.bounds if first else case.bounds == len(case.seeds)
+                assert asked == [*case.policies, *([BOUND] if beside else [])]
             assert [e.seed for e in case.episodes() if e.timeline] == [case.seeds[0]] * len(case.policies)
     with pytest.raises(ValueError, match="no suite is called 'medium'"):
         suites.suite("medium")

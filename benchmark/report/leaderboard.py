@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import attrgetter
 
 from .. import ranking
 from ..rates import ACCEPTED, rates_of
@@ -55,6 +56,7 @@ def render(study: Study, command: str) -> str:
         *_ordered(study.chapters),
         *_demands(study.chapters),
         *_cameras(study.chapters),
+        *_sights(study.chapters),
         "## Where it comes from",
         "",
         *said,
@@ -193,6 +195,32 @@ def _cameras(chapters: Sequence[Chapter]) -> list[str]:
         lines.append("| " + " | ".join((*names, *cells)) + " |")
     told = ranking.multiplicity(each for *_, move in seen for each in move.differences.values())
     return [*lines, "", *told, ""]
+
+
+def _sights(chapters: Sequence[Chapter]) -> list[str]:
+    """What cameras see and what looks at it, beside perfect perception: a table a task with several of them."""
+    lines: list[str] = []
+    for item in (item for item in chapters if len(item.sights) > 1):
+        names = sorted({name for each in item.sights for name in each.second.numbers})
+        heads = [text for column in MOVED for text in (_of(column), f"minus perfect, {_unit(column)}")]
+        lines += [
+            f"{sections.name_of(item.task.id)}, {escaped(sections.words(item.sights[0].first))}:",
+            "",
+            f"| {' | '.join(map(escaped, names))} | policy | {item.sights[0].first.instances}s | {' | '.join(heads)} |",
+            "|---" * (len(names) + 1) + "|--:" * (len(heads) + 1) + "|",
+        ]
+        for each in item.sights:
+            config = item.task.assembly.configured(each.second.scenario, overrides=each.second.numbers)
+            told = [escaped(str(attrgetter(name)(config))) for name in names]
+            for move in each.moves:
+                cells = [text for column in MOVED for text in _moved(column, move)]
+                lines.append("| " + " | ".join((*told, escaped(move.policy), str(each.pairs), *cells)) + " |")
+        moved = [value for each in item.sights for move in each.moves for value in move.differences.values()]
+        lines += ["", *ranking.multiplicity(moved), ""]
+    if not lines:
+        return []
+    said = "The same fields, seen through rendered pictures by kinds of pictures and eyes, and as they are; paired."
+    return ["## Pictures and eyes", "", said, "", *lines]
 
 
 def _moved(column: Column, move: Move) -> tuple[str, str]:

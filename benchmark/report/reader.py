@@ -141,6 +141,8 @@ class Chapter:
         others: every other tier.
         driven: the headline scenario from the analytic backend to PyBullet; None when it ran on one.
         seen: the headline scenario from the camera's model to the rendered camera on one backend; None likewise.
+        sights: the headline scenario from perfect perception to the rendered cameras, by what these see and what looks
+            at it; empty without both.
     """
 
     task: TaskSpec
@@ -148,6 +150,7 @@ class Chapter:
     others: tuple[Tier, ...]
     driven: Comparison | None
     seen: Comparison | None
+    sights: tuple[Comparison, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -263,13 +266,30 @@ def _chapter(task: TaskSpec, tiers: Sequence[Tier]) -> Chapter:
 
     first = max(tiers, key=rank)
     others = sorted((tier for tier in tiers if tier is not first), key=place)
-    alike = [tier for tier in tiers if tier.condition.scenario == first.condition.scenario]
+    headlines = [tier for tier in tiers if tier.condition.scenario == first.condition.scenario]
+    alike = [tier for tier in headlines if tier.condition.changes == first.condition.changes]
     driven = _comparison(
         first, [pair for pair in permutations(alike, 2) if _backends(*pair) == ("analytic", "pybullet")]
     )
     same = [pair for pair in permutations(alike, 2) if len(set(_backends(*pair))) == 1]
     eyes = [pair for pair in same if tuple(tier.condition.perception for tier in pair) == ("model", "camera")]
-    return Chapter(task, first, tuple(others), driven, _comparison(first, eyes))
+    return Chapter(task, first, tuple(others), driven, _comparison(first, eyes), _sights(first, headlines))
+
+
+def _sights(first: Tier, tiers: Sequence[Tier]) -> tuple[Comparison, ...]:
+    """From perfect perception to each rendered camera on the headline's backend, told together."""
+    here = [tier for tier in tiers if tier.condition.backend == first.condition.backend]
+    perfect = next((tier for tier in here if tier.condition.perception == "perfect"), None)
+    cameras = sorted(
+        (tier for tier in here if tier.condition.perception == "camera"), key=lambda t: t.condition.changes
+    )
+    if perfect is None:
+        return ()
+    cameras.sort(key=lambda tier: tier.condition.changes)
+    found = [each for tier in cameras if (each := _comparison(perfect, [(perfect, tier)])) is not None]
+    return tuple(
+        replace(each, moves=moves) for each, moves in zip(found, _together([each.moves for each in found]), strict=True)
+    )
 
 
 def _backends(first: Tier, second: Tier) -> tuple[str, str]:
