@@ -73,6 +73,7 @@ def main(
     backend: Annotated[str, typer.Option(help="Examples on this backend alone.")] = "",
     keep: Annotated[Path | None, typer.Option(help="File that outcomes are appended to, one a line.")] = None,
     match: Annotated[str, typer.Option("-k", help="Tests whose name has it, as for pytest.")] = "",
+    rest: Annotated[bool, typer.Option("--examples", help="Only the tests that take an example.")] = False,
 ) -> None:
     """Run Gymnasium's own tests over every id and backend, and say what passed, failed and was left out."""
     examples = sorted((tuple(spec.id.split("/")) for spec in stand_in.specs()), key=lambda example: example[0])
@@ -84,7 +85,7 @@ def main(
     with tempfile.TemporaryDirectory(prefix="fieldgym-gymnasium-") as folder:
         _prepare(tests.resolve(), Path(folder))
         for number, (on, name) in enumerate(chosen):
-            which = "" if number == 0 else stand_in.EXAMPLE
+            which = "" if number == 0 and not rest else stand_in.EXAMPLE
             typer.echo(f"== {which or 'all tests'}; CartPole is {name} on {on}")
             found = _run(Path(folder), f"fieldgym/{name} {on}", which, match)
             rows += found

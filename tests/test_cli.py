@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 def fieldgym_command(*words: str, **options) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
-        [sys.executable, "-m", "fieldgym.scripts.cli", *words], capture_output=True, text=True, check=False, **options
+        [sys.executable, "-m", "fieldgym", *words], capture_output=True, text=True, check=False, **options
     )
 
 

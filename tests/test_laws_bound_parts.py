@@ -11,8 +11,10 @@ from scipy.optimize import linear_sum_assignment
 from stopped import some_stops
 
 from fieldgym.bounds import base, belt, shots, stops, timeline, transplanting
+from fieldgym.bounds.transplanting import OPEN, SHUT, USELESS
 from fieldgym.envs.sorting.config import SortingConfig
 from fieldgym.envs.sorting.timing import Paces
+from fieldgym.envs.transplanting import timing
 
 EXACT = 1e-9
 
@@ -267,6 +269,31 @@ def test_prices_of_rows_and_columns_are_the_dual_of_their_transport():
         tripled = np.repeat(np.repeat(cost, 4, axis=0), 3, axis=1)
         least = tripled[linear_sum_assignment(tripled)].sum() / 12.0
         assert rows.mean() + columns.mean() == pytest.approx(least, abs=1e-3)
+
+
+def test_a_seedling_that_is_carried_for_nothing_may_be_a_short_cut():
+    """Shares of the only plug and the only cell: what the shortest round from the one back to the other takes."""
+    approach, carry = np.full((2, 9, 2, 2), 20.0), np.full((3, 2, 2), 5.0)
+    table = timing.Times(
+        approach=np.repeat(approach.reshape(2, 9, 4, 1), 2, axis=-1),
+        carry=np.repeat(carry.reshape(3, 4, 1), 2, axis=-1),
+        rise=np.zeros((9, 2)),
+        row_s=np.zeros((2, 2)),
+        **dict.fromkeys(("grip_s", "release_s", "handle_s", "illegal_s"), 0.0),
+        turn_s=np.zeros(2),
+    )
+    where = timing.Places(np.arange(9.0), np.repeat([0.0, 0.1], (4, 5)))
+
+    def round_s() -> float:
+        plugs, cells = np.array([[USELESS, 2]]), np.array([[OPEN, SHUT]])
+        found = transplanting.shares(where, table, plugs, cells)
+        return float(found.plug_s[2, 1] + found.cell_s[0])
+
+    assert round_s() == pytest.approx(20.0 + 5.0, abs=1e-6)
+    # From the target cell to the other source cell, with its seedling to the other target cell, back from there.
+    table.approach[timing.STRAIGHT, 2, :2], table.approach[timing.STRAIGHT, 3, 2:] = 1.0, 2.0
+    table.carry[:, 1] = 4.0
+    assert round_s() == pytest.approx(1.0 + 4.0 + 2.0 + 5.0, abs=1e-6)
 
 
 # Shots

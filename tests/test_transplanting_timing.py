@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from fieldgym.envs.transplanting import timing
 from fieldgym.envs.transplanting.columns import W
 from fieldgym.envs.transplanting.config import (
     MOTIONS,
@@ -108,6 +109,18 @@ def test_a_way_with_one_corner_is_rounded_both_ways_and_faster_than_a_stop_there
         assert np.linalg.norm(state.velocity, axis=1).max() <= 4.5 * (1.0 + 1e-6)
         assert np.linalg.norm(state.acceleration, axis=1).max() <= 60.0 * (1.0 + 1e-3)
         assert np.all(np.diff(state.position[:, 1]) * (ends[1][1] - ends[0][1]) >= -1e-12)
+
+
+def test_only_ways_with_two_corners_are_read_off_splines(monkeypatch):
+    """Whoever begins above the cells has one corner to round, however far it is."""
+    monkeypatch.setattr(timing, "_splines", lambda *args: (lambda across: np.full(across.shape, 5.0),) * 2)
+    monkeypatch.setattr(timing, "_hook", lambda *args: (3.0, 3.0))
+    machine = MachineConfig(motion="time-optimal")
+    where = places(machine, SMALL, SMALL)
+    to = timing._ways.__wrapped__(machine, SMALL, SMALL)[0][STRAIGHT, :, ::3, W.s]
+    beside, high = where.x_m[:, None] != where.x_m[:3], where.height_m > 0.0
+    assert (to[high][beside[high]] == 3.0).all() and (to[~high][beside[~high]] == 5.0).all()
+    assert not np.isin(to[~beside], (3.0, 5.0)).any() and (~beside).sum() == 6
 
 
 def test_same_place_is_no_gate():
