@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
-from fieldgym.agents import make_policy, reference_policy
+from fieldgym.agents import reference_policy
 from fieldgym.envs import env_ids
+from fieldgym.scripts.speed_decisions import chosen
 from fieldgym.scripts.speed_lines import Line, best_of
 
 TOGETHER = 20
@@ -81,20 +82,18 @@ def profile(quick: bool) -> Iterator[Line]:
 
 
 def parts_of(env_id: str, worlds: int, steps: int) -> Parts:
-    """Parts of a step of a batch with its reference policy, whose own time does not count."""
+    """Parts of a step of a batch that plays what its reference policy decided."""
     env: Any = gym.make_vec(env_id, num_envs=worlds, vectorization_mode="vector_entry_point")
     whole = env.unwrapped
     spent: dict[str, float] = dict.fromkeys(("decide", "draw", "load", "show", "_info"), 0.0)
     for name in spent:
         _watch(whole if name == "_info" else whole.core, name, spent)
-    policy = make_policy(reference_policy(env_id), env)
-    observation, _ = env.reset(seed=0)
+    decided = chosen(env, reference_policy(env_id), steps)
     spent.update(dict.fromkeys(spent, 0.0))
     total = 0.0
-    for _ in range(steps):
-        actions = policy.act(observation)
+    for actions in decided:
         start = time.thread_time()
-        observation, *_ = env.step(actions)
+        env.step(actions)
         total += time.thread_time() - start
     env.close()
     known = [1e6 * seconds / steps for seconds in spent.values()]

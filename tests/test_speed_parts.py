@@ -28,7 +28,7 @@ def test_parts_of_a_step_are_told_by_what_ran(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(gym, "make_vec", watched)
     parts = parts_of(env_id, 3, 2)
-    assert calls == [3]  # the first reset alone, which is no part of a step
+    assert calls == [3, 3]  # both resets, before deciding and before timing, are no part of a step
     assert parts.draw == parts.load == parts.show == parts.resets == 0.0
     assert parts.kernels > 0.0 and parts.info > 0.0 and parts.python > 0.0
 
