@@ -22,6 +22,14 @@ if threading.current_thread() is threading.main_thread() and signal.getsignal(si
 EXACT = 1e-9
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _logs_of_learners_are_temporary(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Stable-Baselines3 makes a folder for every run that names none, and leaves it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SB3_LOGDIR", str(tmp_path_factory.mktemp("logs")))
+        yield
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _restored_after_a_module() -> Iterator[None]:
     """What the fixtures of a file register, and the folders of their modules, no other file sees."""
