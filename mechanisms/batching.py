@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from importlib import import_module
 from typing import NamedTuple
 
@@ -37,11 +36,15 @@ class Solver(NamedTuple):
     """Of poses (n, width); bit for bit what ``one`` says of each."""
 
 
-@cache
-def _solver(module: str) -> Solver:
+_FLOAT64 = np.dtype(np.float64)
+_solvers: dict[str, Solver] = {}
+
+
+def _loaded(module: str) -> Solver:
     """Numba loads with the first pose, not with a geometry."""
     kernels = import_module(f".{module}", __package__)
-    return Solver(kernels.inverse_of_one, kernels.inverse_of_many)
+    _solvers[module] = Solver(kernels.inverse_of_one, kernels.inverse_of_many)
+    return _solvers[module]
 
 
 def solve_rows(module: str, numbers: Array, values: ArrayLike, width: int, name: str) -> Array:
@@ -57,14 +60,16 @@ def solve_rows(module: str, numbers: Array, values: ArrayLike, width: int, name:
     Raises:
         ValueError: as ``as_points``.
     """
-    points = np.asarray(values, np.float64)
+    # One pose by itself is a matter of 300 ns: what is not asked for twice is a third of all the rest.
+    points = values if type(values) is np.ndarray and values.dtype is _FLOAT64 else np.asarray(values, np.float64)
+    solver = _solvers.get(module) or _loaded(module)
     if points.shape == (width,) and points.flags.carray:
         result = np.empty(width)
-        _solver(module).one(points, numbers, result)
+        solver.one(points, numbers, result)
         return result
     rows = as_points(points, width, name).reshape(-1, width)
     result = np.empty(rows.shape)
-    _solver(module).many(rows if rows.flags.carray else rows.copy(), numbers, result)
+    solver.many(rows if rows.flags.carray else rows.copy(), numbers, result)
     return result.reshape(points.shape)
 
 
