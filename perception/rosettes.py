@@ -110,7 +110,8 @@ def part(blob: Mask, smallest_px: int, most: int = 6) -> list[Rosette]:
             found.append(Rosette(pixels.mean(axis=0), pixels))
             continue
         if free is None:
-            free = cv2.distanceTransform(road, cv2.DIST_C, 3).astype(np.int32)
+            # Where there is no end to the road, no distance is larger than what is to be crossed.
+            free = np.minimum(cv2.distanceTransform(road, cv2.DIST_C, 3), max(road.shape)).astype(np.int32)
         found.append(Rosette(*_stem(free, pixels)))
         if len(pixels) - len(found[-1].pixels) < smallest_px:
             continue

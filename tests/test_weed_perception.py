@@ -282,3 +282,11 @@ def test_bodies_are_an_opening_of_the_whole_mask():
     for pixels in broad_bodies(*regions(mask), 7.3, 1):
         found[pixels[:, 0], pixels[:, 1]] = 1
     assert 0 < found.sum() < mask.sum() and np.array_equal(found, expected)
+
+
+def test_a_blob_that_leaves_no_road_s_end_in_its_window_is_parted():
+    """The classical eyes before a picture that is green all over: no pixel is farther than two from the blob."""
+    mask = np.ones((40, 48), np.uint8)
+    mask[::3, ::3] = mask[::3, 1::3] = 0
+    [plant, *_] = part(mask, 12)
+    assert len(plant.pixels) == mask.sum()
