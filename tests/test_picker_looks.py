@@ -92,13 +92,12 @@ def test_buds_and_picked_heads_have_no_filaments(scene):
     assert len(detect(look).stage) == 0
 
 
-def test_a_leaf_over_a_head_lowers_the_confidence_and_misplaces_it(scene):
+def test_a_leaf_over_a_head_lowers_the_confidence_and_hardly_misplaces_it(scene):
     free, hidden = blooms(scene, field()), blooms(scene, field(occluded=(True, False, False)))
     assert len(hidden.stage) == 3
     assert hidden.confidence[0] < free.confidence[0] - 0.2
     assert hidden.confidence[1:] == pytest.approx(free.confidence[1:], abs=0.02)
-    place = field().head_position[0, :2]
-    assert np.linalg.norm(hidden.position[0, :2] - place) > np.linalg.norm(free.position[0, :2] - place) + 1e-3
+    assert np.linalg.norm((hidden.position - field().head_position)[0, :2]) < 3e-3
 
 
 def test_the_cart_carries_the_camera(scene):

@@ -23,7 +23,7 @@ from .bag_config import Bag, Wilting
 EFFORTS = ("quick", "normal", "thorough")
 STAGES = ("bud", "fresh", "late", "dry")
 OPEN_STAGES = (1, 2)
-_FITS = ("pots", "row-sparse", "row", "row-dense")
+_FITS = ("pots", "row-sparse", "row", "row-dense", "bag")
 _MOST_HEADS, _MOST_STOPS = 20_000, 2_000
 _ROUNDING = 1e-3
 """Rows of a confusion matrix that was rounded add up to 1 within this."""
@@ -292,8 +292,7 @@ WORN = DriveErrors(
 )
 
 # The end of a morning in a bed of two rows that the arm reaches both: plants stand so close that they are narrow and
-# bear fewer heads, at the height of flowering [assumed]. The bag holds as much as a dozen heads bear [assumed]. The
-# camera's fit is that of the row.
+# bear fewer heads, at the height of flowering [assumed]. The bag holds as much as a dozen heads bear [assumed].
 BAG = replace(
     _row("row-sparse", 0.15, 0.10),
     plants=18,
@@ -305,6 +304,7 @@ BAG = replace(
     crown_m=(0.10, 0.14),
     visit_day=(5.0, 7.0),
     time_limit_s=900.0,
+    camera_fit="bag",
     bag=Bag(capacity_g=4.0),
     wilting=Wilting(closes_s=(40.0, 900.0)),
 )
