@@ -63,7 +63,7 @@ class BloomSettings:
     head_area_m2: float = 1.08e-3
     head_spread_m: float = 0.04785
     disc_m: float = 0.019
-    tuft_m: float = 0.024
+    tuft_m: float = 0.022
     nearer_m: float = 0.006
     deeper_m: float = 0.020
     sharp: float = 0.03

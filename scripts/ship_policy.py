@@ -2,7 +2,8 @@
 
     python scripts/ship_policy.py results/train/SafflowerPicking-v0-row-0/best.npz --weakness "Slower cycles than ..."
 
-The scores are those of seeds that neither training nor the choice of the weights has seen.
+The scores are those of seeds that neither training nor the choice of the weights has seen. Given a policy that ships
+already, as ``assets/policies/SafflowerPicking-v0.row.npz``, it renews its scores: cameras, streams and rules change.
 """
 
 from __future__ import annotations
@@ -35,9 +36,10 @@ def main(
     """Evaluate, write the card, copy."""
     policy = load(path)
     card = dict(policy.card)
-    # The weights may come from before the run's end.
-    run = load(path.parent / LAST).card
-    card["learning_curve"], card["settings"] = run["learning_curve"], run["settings"]
+    if path.resolve().parent != ASSETS:
+        # The weights may come from before the run's end.
+        run = load(path.parent / LAST).card
+        card["learning_curve"], card["settings"] = run["learning_curve"], run["settings"]
     env_id, scenario = str(card["env_id"]), str(card["scenario"])
     seeds = TUNED.take(episodes)
 
@@ -62,7 +64,7 @@ def main(
         },
     }
     card["check"] = {"seeds": [0, QUICK - 1], "return": float(np.mean(own.returns[:QUICK]))}
-    card["known_weaknesses"] = list(weakness or [])
+    card["known_weaknesses"] = list(weakness or card.get("known_weaknesses", []))
     target = ASSETS / f"{env_id.split('/')[-1]}.{scenario}.npz"
     ASSETS.mkdir(parents=True, exist_ok=True)
     save(target, policy, card)

@@ -54,7 +54,9 @@ def by_model(eyes: Eyes, scenario: str, policy: str, fields: int, net: Any) -> s
     told = played(env, policy, SHOWN.take(fields)).net
     env.close()
     mean, low, high = interval(told - net)
-    return f"the fitted model: net rate {told.mean():.2f} %, {mean:+.2f} [{low:.2f}, {high:.2f}] points from the cameras"
+    return (
+        f"the fitted model: net rate {told.mean():.2f} %, {mean:+.2f} [{low:.2f}, {high:.2f}] points from the cameras"
+    )
 
 
 def main(

@@ -68,9 +68,7 @@ class PickerSights(Sights):
         heads = self._shown[self.field, stop]
         pairs = {
             int(heads.number[j]): i
-            for i, j in nearest_pairs(
-                np.linalg.norm(position[:, None] - heads.place[None], axis=-1), MATCH_RADIUS_M
-            )
+            for i, j in nearest_pairs(np.linalg.norm(position[:, None] - heads.place[None], axis=-1), MATCH_RADIUS_M)
         }
         half, centre = 0.5 * core.config.scenario.window_m, core.tables.stop_pose[stop, 0]
         said = [(position[i], stage[i], size[i], head[i]) for i in range(len(position))]
