@@ -4,8 +4,8 @@
         [--save FILE] [--against FILE]
 
 Everything that there is to see is put into one category; then a policy plays the same fields through the cameras as
-they are, and with one category after the other reported as it is. Differences are paired by field. Nothing was chosen or
-fitted on these fields. ``--save`` keeps what was played as it is; ``--against`` prints the difference to that, which
+they are, and with one category after the other reported as it is. Differences are paired by field. Nothing was chosen
+or fitted on these fields. ``--save`` keeps what was played as it is; ``--against`` prints the difference to that, which
 is how one detector is set against another. ``--model`` also plays with the statistical camera.
 """
 

@@ -77,7 +77,7 @@ class Row(NamedTuple):
     """A line of the table: what is put right, how many there were, and what is played then."""
 
     name: str
-    count: int | None
+    things: int | None
     played: Played
 
 
@@ -105,7 +105,7 @@ def budget(env_id: str, scenario: str, policy: str, seeds: Sequence[int], kind: 
 
 def shown(rows: Sequence[Row]) -> str:
     """The budget as a table in Markdown; +- is one standard error of the difference, paired by field."""
-    base, every = rows[0].played, rows[0].count
+    base, every = rows[0].played, rows[0].things
     lines = ["| if only this were right | things | net rate, % | won, points | return won |", "|---|---|---|---|---|"]
     for name, count, (net, gain) in rows:
         number = "" if count is None else str(count) if not every else f"{count} ({100.0 * count / every:.1f} %)"

@@ -12,7 +12,7 @@ from fieldgym.envs.pairing import nearest_pairs
 from fieldgym.envs.safflower.batch import fixed_order
 from fieldgym.envs.safflower.view import MATCH_RADIUS_M
 from fieldgym.perception.blooms import BloomSettings, filament_mask
-from fieldgym.scripts.sight_losses import RIGHT, Rights, Sights
+from fieldgym.scripts.sight_losses import RIGHT, Sights
 
 HIDDEN, PARTLY = 0.1, 0.7
 """A tuft of which a smaller share shows is hidden; one of which less than this shows, partly."""
@@ -57,7 +57,6 @@ class PickerSights(Sights):
         """Remember what every stop of every field shows."""
         super().__init__(env)
         self._shown: dict[tuple[int, int], Heads] = {}
-        self.errors_m: list[float] = []
 
     def receive(self, row: int, *reports: Any) -> None:
         """See ``Sights``."""
@@ -100,7 +99,6 @@ class PickerSights(Sights):
                 return names[0]
             return names[1] if heads.share[j] < PARTLY else names[2] if heads.touches[j] else names[3]
         off_m = float(np.hypot(*(position[report] - heads.place[j])[:2]))
-        self.errors_m.append(off_m)
         if stage[report] != self.core.state.head_stage[0, heads.number[j]]:
             return names[6]
         return names[4] if off_m > OFF_M else names[5] if off_m > 0.002 else RIGHT
