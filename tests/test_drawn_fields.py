@@ -12,10 +12,10 @@ from fieldgym.envs import env_ids, task
 SEEDS = 3, 8
 TAKEN_DOWN: dict[str, dict[str, str]] = {
     "fieldgym/SafflowerPicking-v0": {
-        "pots": "c91f215a6887383b",
-        "row-sparse": "0e5499d9578dcc0f",
-        "row": "bf26c6c3cfdbfff2",
-        "row-dense": "f7cd7aa1698f3286",
+        "pots": "90eac808d06d1d84",
+        "row-sparse": "c331eca28f3e4f0f",
+        "row": "0a21adb93f28e2e7",
+        "row-dense": "102165babe4d92f5",
     },
     "fieldgym/TrayTransplanting-v0": {
         "fill-low": "7dde9944654b5331",
