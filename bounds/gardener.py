@@ -1,7 +1,8 @@
 """A schedule that knows everything, carried out by the weeding rules themselves: how near a bound can be reached.
 
 Sequences of shots are grown in the order of time, the most valuable of each moment kept (beam search in buckets). What
-a shot brings is what the bound's own options say; then the rules carry the best sequence out and say what it is worth.
+a shot brings is what the bound's own options say; where the bound also says what is left to win from a state on (see
+``recall``), that is added at the bound's prices. Then the rules carry the best sequence out and say what it is worth.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ..envs.weeding.ridges import lift_time
 from ..envs.weeding.state import MODES, T
 from ..envs.weeding.timing import A, G, Place, approach, move_time, ready
 from ..kernels import compiled
+from .recall import Guide, ahead, next_known
 from .shots import Shots
 
 Array = NDArray[np.float64]
@@ -29,6 +31,7 @@ AHEAD_S = 16.0
 """Options that take longer are left out."""
 EARLY_S = 2.0
 """So long before the window reaches a target it is looked at."""
+_WHOLE = 1.0 - 1e-9
 
 
 class Garden(NamedTuple):
@@ -54,6 +57,7 @@ class Garden(NamedTuple):
         whole: (things,), whether shares gain nothing until they add up to 1.
         energy_j: (J,).
         budget_j: that all of them may take.
+        guide: what is left to win, if that is known.
     """
 
     arm: Any
@@ -75,6 +79,33 @@ class Garden(NamedTuple):
     whole: NDArray[np.bool_]
     energy_j: Array
     budget_j: float
+    guide: Guide
+
+
+class Grown(NamedTuple):
+    """One sequence.
+
+    Attributes:
+        time_s: when it ends.
+        worth: what it has brought.
+        rank: which are kept.
+        joules: what it has taken.
+        place: where the arm stands then.
+        parent: sequence without the last option.
+        option: the last one, -1 for a moment's wait.
+        target: worked on last, -1 for none.
+        known: what that remembers.
+    """
+
+    time_s: float
+    worth: float
+    rank: float
+    joules: float
+    place: Place
+    parent: int
+    option: int
+    target: int
+    known: int
 
 
 class Pending(NamedTuple):
@@ -82,84 +113,125 @@ class Pending(NamedTuple):
 
     Attributes:
         filled: (N,), how many there are.
-        time: (N, W), when they end.
-        worth: (N, W), what they have brought.
-        joules: (N, W), what they have taken.
-        place: (N, W, 3), where the arm stands then.
-        parent: (N, W), sequence without the last option.
-        option: (N, W), the last one, -1 for a moment's wait.
+        time: (N, W), see ``Grown``, like what follows.
+        worth: (N, W).
+        rank: (N, W).
+        joules: (N, W).
+        place: (N, W, 3).
+        parent: (N, W).
+        option: (N, W).
+        target: (N, W).
+        known: (N, W).
     """
 
     filled: Numbers
     time: Array
     worth: Array
+    rank: Array
     joules: Array
     place: Array
     parent: Numbers
     option: Numbers
+    target: Numbers
+    known: Numbers
+
+
+class Account(NamedTuple):
+    """What one sequence has done lately.
+
+    Attributes:
+        done: (T,), tracks that were worked on.
+        served: (things,), sum of shares.
+        owed: (things,), what prices have paid for it.
+        things: (things,), those with shares.
+        begun: (1,), how many these are.
+    """
+
+    done: NDArray[np.bool_]
+    served: Array
+    owed: Array
+    things: Numbers
+    begun: Numbers
 
 
 @compiled
-def put(
-    pending: Pending, bucket: int, time_s: float, worth: float, joules: float, place: Place, parent: int, option: int
-) -> None:
-    """Keep a sequence in its bucket where it is among the best; of two alike the sooner one."""
+def put(pending: Pending, bucket: int, grown: Grown) -> None:
+    """Keep a sequence in its bucket where it is among the best; of two alike the better one, or the sooner."""
     row = bucket % len(pending.filled)
     count, width = pending.filled[row], pending.time.shape[1]
     slot = count
     for i in range(count):
-        if pending.option[row, i] == option and abs(pending.worth[row, i] - worth) < 1e-9:
-            if pending.time[row, i] <= time_s:
+        if pending.option[row, i] == grown.option and abs(pending.worth[row, i] - grown.worth) < 1e-9:
+            better = grown.rank - pending.rank[row, i]
+            if better < -1e-9 or (better < 1e-9 and pending.time[row, i] <= grown.time_s):
                 return
             slot = i
             break
     if slot == width:
         slot = 0
         for i in range(1, width):
-            if pending.worth[row, i] < pending.worth[row, slot]:
+            if pending.rank[row, i] < pending.rank[row, slot]:
                 slot = i
-        if pending.worth[row, slot] >= worth:
+        if pending.rank[row, slot] >= grown.rank:
             return
     elif slot == count:
         pending.filled[row] += 1
-    pending.time[row, slot], pending.worth[row, slot], pending.joules[row, slot] = time_s, worth, joules
+    pending.time[row, slot], pending.worth[row, slot], pending.joules[row, slot] = (
+        grown.time_s,
+        grown.worth,
+        grown.joules,
+    )
+    pending.rank[row, slot], place = grown.rank, grown.place
     pending.place[row, slot, A.carrier], pending.place[row, slot, A.lean] = place.carrier_m, place.lean_m
     pending.place[row, slot, A.across] = place.across_m
-    pending.parent[row, slot], pending.option[row, slot] = parent, option
+    pending.parent[row, slot], pending.option[row, slot] = grown.parent, grown.option
+    pending.target[row, slot], pending.known[row, slot] = grown.target, grown.known
 
 
 @compiled
 def grown(garden: Garden, width: int, bucket_s: float) -> tuple[Numbers, float]:
     """Options of the best sequence found, in order, and what it is worth by the options' own account."""
-    options, v, front = len(garden.track), garden.speed_m_s, garden.front_m
+    options, v, front, guide = len(garden.track), garden.speed_m_s, garden.front_m, garden.guide
     things, buckets, ring = len(garden.gain), int(garden.until_s / bucket_s) + 2, int(AHEAD_S / bucket_s)
+    guided = len(guide.target) > 0
     pending = Pending(
         np.zeros(ring, np.int64),
+        np.empty((ring, width)),
         np.empty((ring, width)),
         np.empty((ring, width)),
         np.empty((ring, width)),
         np.empty((ring, width, 3)),
         np.empty((ring, width), np.int64),
         np.empty((ring, width), np.int64),
+        np.empty((ring, width), np.int64),
+        np.empty((ring, width), np.int64),
     )
     room = buckets * width + 1
     time, parent, option = np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64)
     count, best, best_worth = 0, -1, -np.inf
-    served, done = np.zeros(things), np.zeros(garden.track.max() + 1, np.bool_)
+    account = Account(
+        np.zeros(garden.track.max() + 1, np.bool_),
+        np.zeros(things),
+        np.zeros(things),
+        np.empty(things, np.int64),
+        np.zeros(1, np.int64),
+    )
     # What was done to a thing longer ago than this cannot be added to.
     past_s = 2.0 * (2.0 * front + 0.1) / v
-    put(pending, 0, 0.0, 0.0, 0.0, Place(garden.place[A.carrier], garden.place[A.lean], garden.place[A.across]), -1, -1)
+    here = Place(garden.place[A.carrier], garden.place[A.lean], garden.place[A.across])
+    put(pending, 0, Grown(0.0, 0.0, 0.0, 0.0, here, -1, -1, -1, 0))
     for bucket in range(buckets):
         row = bucket % ring
         for i in range(pending.filled[row]):
             now, worth, joules, label = pending.time[row, i], pending.worth[row, i], pending.joules[row, i], count
+            target, known = pending.target[row, i], pending.known[row, i]
             time[label], parent[label], option[label] = now, pending.parent[row, i], pending.option[row, i]
             count += 1
             if worth > best_worth:
                 best, best_worth = label, worth
             cart, x, y = garden.cart_m + v * now, pending.place[row, i, A.carrier], pending.place[row, i, A.lean]
             here = Place(x, y, pending.place[row, i, A.across])
-            reckon(garden, label, now - past_s, time, parent, option, done, served, True)
+            reckon(garden, label, now - past_s, time, parent, option, account, True)
             low = 0
             high = options
             while low < high:
@@ -172,35 +244,36 @@ def grown(garden: Garden, width: int, bucket_s: float) -> tuple[Numbers, float]:
                 along, across = garden.told_m[o, G.along], garden.told_m[o, G.across]
                 if along > cart + front + v * EARLY_S:
                     break
-                if done[garden.track[o]] or joules + garden.energy_j[o] > garden.budget_j:
+                if account.done[garden.track[o]] or joules + garden.energy_j[o] > garden.budget_j:
                     continue
                 way = approach(garden.arm, garden.stand_s[o], here, cart, v, along, across)
                 then = now + way.move_s + way.wait_s + garden.stand_s[o]
                 if not way.legal or then >= garden.until_s or then - now >= AHEAD_S - 2.0 * bucket_s:
                     continue
-                more = garden.value[o]
-                for s in range(garden.share_first[o], garden.share_first[o + 1]):
-                    thing, share = garden.share_thing[s], garden.share[s]
-                    had, has = min(served[thing], 1.0), min(served[thing] + share, 1.0)
-                    if garden.whole[thing]:
-                        more += garden.gain[thing] if has >= 1.0 - 1e-9 and had < 1.0 - 1e-9 else 0.0
-                    else:
-                        more += garden.gain[thing] * (has - had)
+                more = brought(garden, account, o)
                 place = Place(
                     way.carrier_m + garden.aim_m[o, G.along] - along,
                     way.lean_m,
                     way.across_m + garden.aim_m[o, G.across] - across,
                 )
-                spent = joules + garden.energy_j[o]
-                put(pending, max(int(then / bucket_s), bucket + 1), then, worth + more, spent, place, label, o)
+                spent, rank, on, knows = joules + garden.energy_j[o], worth + more, -1, 0
+                if guided:
+                    on, knows = guide.target[o], next_known(guide, target, known, o)
+                    rank += ahead(guide, on, knows, then) + open_sum(garden, account, o, then)
+                longer = Grown(then, worth + more, rank, spent, place, label, o, on, knows)
+                put(pending, max(int(then / bucket_s), bucket + 1), longer)
             rest = ready(garden.arm, garden.cart_m + v * (now + garden.moment_s))
             carrier, lean = rest.carrier_m - here.carrier_m, rest.lean_m - here.lean_m
             move_s = move_time(garden.arm, carrier, lean, rest.across_m - here.across_m)
             move_s = max(move_s, lift_time(garden.arm, here.across_m, rest.across_m))
             then = now + max(garden.moment_s, move_s)
             if then < garden.until_s:
-                put(pending, max(int(then / bucket_s), bucket + 1), then, worth, joules, rest, label, -1)
-            reckon(garden, label, now - past_s, time, parent, option, done, served, False)
+                rank = worth
+                if guided:
+                    rank += ahead(guide, target, known, then) + open_sum(garden, account, -1, then)
+                waiting = Grown(then, worth, rank, joules, rest, label, -1, target, known)
+                put(pending, max(int(then / bucket_s), bucket + 1), waiting)
+            reckon(garden, label, now - past_s, time, parent, option, account, False)
         pending.filled[row] = 0
     order, n, label = np.empty(count, np.int64), 0, best
     while label > 0:
@@ -211,6 +284,54 @@ def grown(garden: Garden, width: int, bucket_s: float) -> tuple[Numbers, float]:
 
 
 @compiled
+def brought(garden: Garden, account: Account, option: int) -> float:
+    """What an option adds to a sequence."""
+    more = garden.value[option]
+    for s in range(garden.share_first[option], garden.share_first[option + 1]):
+        thing, share = garden.share_thing[s], garden.share[s]
+        had, has = min(account.served[thing], 1.0), min(account.served[thing] + share, 1.0)
+        if garden.whole[thing]:
+            more += garden.gain[thing] if has >= _WHOLE and had < _WHOLE else 0.0
+        else:
+            more += garden.gain[thing] * (has - had)
+    return more
+
+
+@compiled
+def open_sum(garden: Garden, account: Account, option: int, time_s: float) -> float:
+    """What the guide has yet to hear of things that can still be served after ``time_s``, an option being done by then.
+
+    It promises whatever its prices leave of them to everyone: who has had that will not have it again. Who has begun
+    to kill one has paid for a part of it.
+    """
+    total, guide, new = 0.0, garden.guide, 0
+    if option >= 0:
+        new = garden.share_first[option + 1] - garden.share_first[option]
+    for n in range(account.begun[0] + new):
+        if n < account.begun[0]:
+            thing = account.things[n]
+            served, owed = account.served[thing], account.owed[thing]
+        else:
+            thing = garden.share_thing[garden.share_first[option] + n - account.begun[0]]
+            served, owed = 0.0, 0.0
+            if account.served[thing] > 0.0:
+                continue
+        if guide.lasts_s[thing] <= time_s:
+            continue
+        if option >= 0:
+            for s in range(garden.share_first[option], garden.share_first[option + 1]):
+                if garden.share_thing[s] == thing:
+                    served, owed = served + garden.share[s], owed + guide.price[s]
+        if not garden.whole[thing]:
+            total -= guide.left[thing] * min(served, 1.0)
+        elif served >= _WHOLE:
+            total -= guide.left[thing]
+        else:
+            total += owed
+    return float(total)
+
+
+@compiled
 def reckon(
     garden: Garden,
     label: int,
@@ -218,17 +339,24 @@ def reckon(
     time: Array,
     parent: Numbers,
     option: Numbers,
-    done: NDArray[np.bool_],
-    served: Array,
+    account: Account,
     mark: bool,
 ) -> None:
-    """Write which tracks a sequence has served since a time, and which shares of things; or take it back."""
+    """Write what a sequence has done since a time; or take it back."""
+    guided = len(garden.guide.target) > 0
+    account.begun[0] = 0
     while label >= 0 and time[label] > since_s:
         o = option[label]
         if o >= 0:
-            done[garden.track[o]] = mark
+            account.done[garden.track[o]] = mark
             for s in range(garden.share_first[o], garden.share_first[o + 1]):
-                served[garden.share_thing[s]] = served[garden.share_thing[s]] + garden.share[s] if mark else 0.0
+                thing = garden.share_thing[s]
+                if mark and account.served[thing] == 0.0:
+                    account.things[account.begun[0]] = thing
+                    account.begun[0] += 1
+                account.served[thing] = account.served[thing] + garden.share[s] if mark else 0.0
+                if guided:
+                    account.owed[thing] = account.owed[thing] + garden.guide.price[s] if mark else 0.0
         label = parent[label]
 
 

@@ -24,6 +24,8 @@ from ..envs.weeding.timing import A, G, move_time
 from .base import Bound, Expectation, Found, check_method, check_start, relative_gap, state_of
 from .gardener import BUCKET_S, WIDTH, Garden, grown, tended
 from .hopes import hoped_shots
+from .recall import Guide, unguided
+from .remembering import Both, both, leans
 from .shots import STRAY_M, Shots, any_shots, drawn_shots
 from .strip import Strip, build, shortest_moves
 from .timeline import Timeline, priced
@@ -91,8 +93,12 @@ class WeedingInstance:
         if min(weights.killed, -weights.crop, -weights.seconds, -weights.joules) < 0.0:
             raise ValueError(f"{weights}: the bound needs killed >= 0 and everything else <= 0")
         began = time.perf_counter()
-        found_n, found_v = (math.nan, math.nan) if self.core is None else self._carried_out()
-        if self.config.speed_control:
+        known = self._remembered(self.shots, time_limit_s) if self._remembers else None
+        found_n, found_v = (math.nan, math.nan) if self.core is None else self._carried_out(known)
+        if known is not None:
+            kills, value = known.kills.bound, known.value.bound
+            words = "paths in time that remember, shots priced"
+        elif self.config.speed_control:
             kills, value = self._most_work(), float(self._largest_return())
             words = "work and shortest ways against the time"
         else:
@@ -115,10 +121,13 @@ class WeedingInstance:
             return None
         if self.config.speed_control:
             kills, value = self._hoped_work(self.hoped)
+        elif self._remembers:
+            hope = self._remembered(self.hoped, seconds)
+            kills, value = (0.0, self._idle) if hope is None else (hope.kills.bound, hope.value.bound)
         else:
             hoped, killed = self.hoped, self.config.weights.killed
-            reached_n = self._grown(hoped, -hoped.advance, hoped.worth)[1]
-            reached_v = self._grown(hoped, -hoped.cost - killed * hoped.advance, killed * hoped.worth)[1]
+            reached_n = self._grown(hoped, -hoped.advance, hoped.worth, unguided())[1]
+            reached_v = self._grown(hoped, -hoped.cost - killed * hoped.advance, killed * hoped.worth, unguided())[1]
             # At the latest it ends when the strip has passed.
             reached_v += self.config.weights.seconds * max(self.least_s, self._until_s)
             kills, value = self._priced(hoped, reached_n, reached_v, seconds)
@@ -154,6 +163,23 @@ class WeedingInstance:
         way_m = self.config.scenario.strip_m + self.arm.front_m - self.cart_m
         return float(way_m / self.config.speed_m_s)
 
+    @property
+    def _idle(self) -> float:
+        """Return of an episode in which nothing is done, at most."""
+        return float(self.config.weights.seconds) * self.least_s
+
+    @property
+    def _remembers(self) -> bool:
+        """Whether there are tracks, and a tool whose ways take the same at any time, at a steady speed."""
+        return self.drawn and not self.config.speed_control and not leans(self.arm)
+
+    def _remembered(self, shots: Shots, seconds: float) -> Both | None:
+        """Bounds on weeds killed and on the return by paths that remember; None where nothing can be done."""
+        if not shots.weeds:
+            return None
+        until = time.perf_counter() + seconds
+        return both(self.arm, shots, self.place, self.cart_m, self.config, self.least_s, THRIFTS, until)
+
     def _enters_s(self) -> Array:
         """Earliest end (weeds,) of a shot that serves each weed."""
         shots, arm = self.shots, self.arm
@@ -168,7 +194,7 @@ class WeedingInstance:
         config, weights = self.config, self.config.weights
         second = -weights.seconds
         if not shots.weeds:
-            return 0.0, -second * self.least_s
+            return 0.0, self._idle
         speed = float(config.speed_m_s)
         strip = Strip(
             shots.told_m,
@@ -265,16 +291,17 @@ class WeedingInstance:
             best = min(best, value + second * (part * self._first_s() - (1.0 - part) * self.least_s))
         return best
 
-    def _carried_out(self) -> tuple[float, float]:
+    def _carried_out(self, bounds: Both | None) -> tuple[float, float]:
         """Weeds killed and return of the best schedules found that know what each shot does, carried out."""
-        weights = self.config.weights
-        of_kills = self._grown(self.shots, -self.shots.advance, self.shots.worth)[0]
-        value = -self.shots.cost - weights.killed * self.shots.advance
-        of_value = self._grown(self.shots, value, weights.killed * self.shots.worth)[0]
+        killed = self.config.weights.killed
+        guides = (unguided(), unguided()) if bounds is None else (bounds.kills.guide, bounds.value.guide)
+        of_kills = self._grown(self.shots, -self.shots.advance, self.shots.worth, guides[0])[0]
+        value = -self.shots.cost - killed * self.shots.advance
+        of_value = self._grown(self.shots, value, killed * self.shots.worth, guides[1])[0]
         results = [tended(self.core, self.shots, order) for order in (of_kills, of_value)]
         return max(kills for kills, _ in results), max(value for _, value in results)
 
-    def _grown(self, shots: Shots, value: Array, gain: Array) -> tuple[NDArray[np.int64], float]:
+    def _grown(self, shots: Shots, value: Array, gain: Array, guide: Guide) -> tuple[NDArray[np.int64], float]:
         """Options of the best sequence found, each worth its ``value`` and its shares of the things' ``gain``."""
         if not len(shots.track):
             return np.zeros(0, np.int64), 0.0
@@ -299,6 +326,7 @@ class WeedingInstance:
             whole=shots.whole,
             energy_j=shots.energy_j,
             budget_j=scarce_j if scarce_j > 0.0 else math.inf,
+            guide=guide,
         )
         return grown(garden, WIDTH, BUCKET_S)
 
