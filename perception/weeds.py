@@ -198,10 +198,11 @@ class Track:
         first_m: cart position of the first of them.
         last_m: cart position of the last of them.
         looks: pictures in whose middle it lay, whether they showed it or not.
-        least: share of sure pictures below which it is doubtful.
+        least: how sure its pictures have to be, or it is doubtful.
         confirmed_m: cart position at which enough pictures had shown it.
         votes: (2, 3), pictures by species and stage, each counted by how sure it was.
         crop_votes: those that took it for a crop plant, likewise.
+        best: how sure the surest picture was.
         treated: whether the tool has been sent to it.
     """
 
@@ -209,10 +210,11 @@ class Track:
     first_m: float
     last_m: float
     looks: int = 0
-    least: float = 0.5
+    least: float = 0.75
     confirmed_m: float = np.inf
     votes: Array = field(default_factory=lambda: np.zeros((2, 3)))
     crop_votes: float = 0.0
+    best: float = 0.0
     treated: bool = False
     _median: tuple[int, Array] = field(default_factory=lambda: (0, np.zeros(2)), repr=False)
 
@@ -231,15 +233,20 @@ class Track:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether pictures that should have shown it did not, or not for sure: less than ``least`` of each."""
-        return float(self.votes.sum()) < self.least * self.looks
+        """Whether pictures that should have shown it did not, or not for sure.
+
+        How sure they were on average counts as much as how sure the surest was, from where a plant that leaves hide
+        elsewhere may have shown: the mean of both is less than ``least``. Where every picture is sure of what it shows,
+        0.75 asks that half of them show it.
+        """
+        return float(self.votes.sum()) + self.best * self.looks < 2.0 * self.least * self.looks
 
 
 class WeedTracker:
     """Joins the plants of successive pictures: nearest pairs within a gate, confirmed after enough hits."""
 
-    def __init__(self, gate_m: float = 0.012, hits: int = 2, least: float = 0.5):
-        """Set the gate, the number of pictures that confirm a track, and the share of sure ones that it needs."""
+    def __init__(self, gate_m: float = 0.012, hits: int = 2, least: float = 0.75):
+        """Set the gate, the number of pictures that confirm a track, and how sure they have to be."""
         self.gate_m, self.hits, self.least = gate_m, hits, least
         self.tracks: list[Track] = []
 
@@ -276,5 +283,6 @@ class WeedTracker:
             track.last_m = cart_m
             track.votes[seedlings.species[i], seedlings.stage[i]] += seedlings.score[i]
             track.crop_votes += seedlings.score[i] * seedlings.crop[i]
+            track.best = max(track.best, float(seedlings.score[i]))
             if len(track.places) == self.hits:
                 track.confirmed_m = cart_m

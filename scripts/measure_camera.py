@@ -1,7 +1,7 @@
 """Measure a task's cameras on rendered pictures and fit the statistical camera to them.
 
     python scripts/measure_camera.py {safflower,sorting,transplanting,weeding} [--size N] [--write]
-        [--eyes learned] [--pictures field]
+        [--eyes learned] [--pictures field] [--times 2]
 
 ``fieldgym.envs.<task>.calibration`` says what is rendered, on seeds that no benchmark uses, and how it is counted. The
 fit is printed; ``--write`` puts it into ``assets/perception/``. ``--thresholds`` searches the transplanter's detector
@@ -51,13 +51,16 @@ def of_transplanting(rows: int = 100) -> dict[str, Any]:
     return data
 
 
-def of_weeding(strips: int | None = None, eyes: str = "classical", pictures: str = "easy") -> dict[str, Any]:
-    """So many strips of every tier, by default as many as each needs."""
+def of_weeding(
+    strips: int | None = None, eyes: str = "classical", pictures: str = "easy", times: int = 1
+) -> dict[str, Any]:
+    """So many strips of every tier, by default ``times`` as many as each needs."""
     from fieldgym.envs.weeding.eyes import eyes_of
     from fieldgym.envs.weeding.perception import PerceptionModel
     from fieldgym.envs.weeding.view import FRAME_EVERY_M
 
-    parts = {tier: weeding.measure(tier, strips or usual, eyes, pictures) for tier, usual in weeding.STRIPS.items()}
+    usual = {tier: strips or times * needed for tier, needed in weeding.STRIPS.items()}
+    parts = {tier: weeding.measure(tier, many, eyes, pictures) for tier, many in usual.items()}
     model = weeding.fit(list(parts.values()), eyes_of(eyes).calibrates)
     PerceptionModel.from_json(model)
     return {
@@ -89,9 +92,12 @@ def main() -> None:
     parser.add_argument("--thresholds", action="store_true", help="search the transplanter's detector settings")
     parser.add_argument("--eyes", choices=("classical", "learned"), default="classical", help="of the weeders")
     parser.add_argument("--pictures", choices=("easy", "field"), default="easy", help="of the weeders' cameras")
+    parser.add_argument("--times", type=int, default=1, help="so many times the weeders' usual strips")
     options = parser.parse_args()
     if options.size is not None and options.size < 1:
         parser.error(f"--size {options.size}: give at least 1")
+    if options.times < 1:
+        parser.error(f"--times {options.times}: give at least 1")
     size = () if options.size is None else (options.size,)
     if options.thresholds:
         looks = transplanting.collect(*(size or (100,)), transplanting.FIT_SEED)
@@ -102,7 +108,8 @@ def main() -> None:
         from fieldgym.envs.weeding.perception import fit_name
 
         how, name = {"eyes": options.eyes, "pictures": options.pictures}, fit_name(options.eyes, options.pictures)
-        made_by += "".join(f" --{word} {value}" for word, value in how.items() if value not in ("classical", "easy"))
+        how |= {"times": options.times}
+        made_by += "".join(f" --{word} {value}" for word, value in how.items() if value not in ("classical", "easy", 1))
     text = as_text({"made_by": made_by} | MEASURED[options.task](*size, **how))
     print(text, end="")
     if options.write:

@@ -109,10 +109,13 @@ def _tool(view: WeederView, pictures: int, rng: np.random.Generator) -> Iterator
         yield _lesson(scene, scene.tool, eye, target, truth, TOOL_SEEN_PX, TOOL_SMALLER)
 
 
-def one_of(kind: NDArray[np.int64], chosen: NDArray[np.bool_], rng: np.random.Generator) -> int:
-    """Number of one of the chosen plants (n,), every kind that is among them as often as the others."""
+def one_of(
+    kind: NDArray[np.int64], chosen: NDArray[np.bool_], rng: np.random.Generator, share: Sequence[float] | None = None
+) -> int:
+    """Number of one of the chosen plants (n,), every kind that is among them as often as others, or by ``share``."""
     there = np.unique(kind[chosen])
-    return int(rng.choice(np.flatnonzero(chosen & (kind == rng.choice(there)))))
+    odds = np.ones(len(there)) if share is None else np.array(share, float)[there]
+    return int(rng.choice(np.flatnonzero(chosen & (kind == rng.choice(there, p=odds / odds.sum())))))
 
 
 class _Truth(NamedTuple):

@@ -164,11 +164,11 @@ def test_an_empty_field_has_no_plants():
     assert found.position.shape == (0, 2) and found.box.shape == (0, 4)
 
 
-def seedlings(*places, crop=False):
+def seedlings(*places, crop=False, score=1.0):
     n = len(places)
     zeros = np.zeros(n, np.int64)
     position = np.array(places, float).reshape(-1, 2)
-    return Seedlings(position, zeros, zeros, np.full(n, crop), np.zeros((n, 4), np.int64), np.ones(n))
+    return Seedlings(position, zeros, zeros, np.full(n, crop), np.zeros((n, 4), np.int64), np.full(n, score))
 
 
 def test_tracks_are_joined_within_the_gate_and_confirmed_by_the_second_picture():
@@ -202,6 +202,17 @@ def test_what_most_pictures_do_not_show_is_doubtful():
     for i in range(6):
         tracker.update(seedlings((0.5, 0.0)) if i < 2 else seedlings(), 0.01 * i, (0.3, 0.7) if i < 2 else (0.6, 1.0))
     assert not tracker.tracks[0].is_doubtful
+
+
+def test_one_sure_picture_counts_beside_many_that_are_not():
+    doubts = []
+    for scores in ((0.9, 0.3, 0.3, 0.3), (0.45, 0.45, 0.45, 0.45)):
+        tracker = WeedTracker(least=0.6)
+        for i, score in enumerate(scores):
+            tracker.update(seedlings((0.5, 0.0), score=score), 0.01 * i, (0.3, 0.7))
+        doubts.append(tracker.tracks[0].is_doubtful)
+    # Both are sure to 0.45 on average; the first one's surest picture brings that to 0.675.
+    assert doubts == [False, True]
 
 
 def test_most_pictures_decide_what_is_a_crop_plant():

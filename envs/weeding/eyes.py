@@ -26,7 +26,7 @@ class Eyes(Protocol):
     """Detectors of both cameras.
 
     Attributes:
-        least: share of sure pictures that a track needs, see ``Track.least``.
+        least: how sure the pictures of a track have to be, see ``Track.is_doubtful``.
         calibrates: whether the odometry learns from what the tool camera sees.
     """
 
@@ -51,7 +51,7 @@ class Eyes(Protocol):
 class ClassicalEyes:
     """Excess green, blobs, and where leaves meet; see ``perception.weeds``."""
 
-    least, calibrates = 0.5, False
+    least, calibrates = 0.75, False
 
     def front(self, frame: Frame, rows: Rows) -> Seedlings:
         """See ``Eyes``."""
@@ -66,7 +66,7 @@ class ClassicalEyes:
 class LearnedEyes:
     """A network for each camera; see ``perception.stems``."""
 
-    least, calibrates = 0.4, True
+    least, calibrates = 0.45, True
 
     def __init__(self, front: StemNet, tool: StemNet):
         """Take the networks."""
