@@ -3,6 +3,7 @@
 import copy
 from dataclasses import replace
 from itertools import permutations
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium as gym
@@ -14,7 +15,7 @@ from fieldgym.agents import make_policy
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.agents.policies.base import act_single
 from fieldgym.agents.policies.search import Taken, with_one
-from fieldgym.agents.policies.sorting_orders import OrderHorizon, extend
+from fieldgym.agents.policies.sorting_orders import OrderHorizon, extend, wanted
 from fieldgym.bounds import sorting
 from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.field import FieldError
@@ -69,8 +70,8 @@ def shown(core: SortingCore) -> dict[str, float]:
 
 
 def test_items_fill_the_line_that_is_due_first_and_the_rest_is_surplus():
-    # The second ripe line is written first: what is due first is filled first.
-    core = packed([RIPE, RIPE, WARE, RIPE, RIPE], [(RIPE, 2, 60.0), (RIPE, 1, 8.0), (SEED, 3, 60.0)])
+    # The second ripe line is written first: what is due first is filled first, here by the only item in time for it.
+    core = packed([RIPE, RIPE, WARE, RIPE, RIPE], [(RIPE, 2, 60.0), (RIPE, 1, 2.0), (SEED, 3, 60.0)])
     paid = [decide(core, 0)[0]["placed"] for _ in range(5)]
     value, rest = VALUES[RIPE], 0.2
     assert paid == pytest.approx([value, value, rest * VALUES[WARE], value, rest * value])
@@ -269,6 +270,14 @@ def test_a_sequence_brings_what_the_planner_reckons():
                 waits += phases["release"] > 0.2
                 taken, x, y, z, clock = with_one(taken, k, 0), step.x, step.y, step.z, step.clock_s
     assert tried > 60 and surplus > 5 and waits > 5
+
+
+def test_items_of_a_sequence_fill_lines_one_after_the_other():
+    lines = {"left": [1.0, 2.0, 0.0], "due_s": [5.0, 50.0, 0.0], "worth": [0.9, 0.5, 0.0]}
+    problem: Any = SimpleNamespace(**{name: np.array([[values]]) for name, values in lines.items()}, surplus=0.2)
+    share = getattr(wanted, "py_func", wanted)
+    assert [share(problem, 0, 0, ahead, 4.0) for ahead in range(4)] == [0.9, 0.5, 0.5, 0.2]
+    assert [share(problem, 0, 0, 0, time_s) for time_s in (5.0, 6.0, 50.0, 51.0)] == [0.9, 0.5, 0.5, 0.2]
 
 
 def test_planning_for_orders_delivers_more_than_the_queue():

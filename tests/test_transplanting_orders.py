@@ -11,6 +11,7 @@ import pytest
 import fieldgym  # noqa: F401
 from fieldgym.bounds.orders import instance_of
 from fieldgym.envs.field import FieldError
+from fieldgym.envs.transplanting.columns import E, W
 from fieldgym.envs.transplanting.config import (
     DAMAGED,
     EMPTY,
@@ -245,12 +246,12 @@ def test_a_camera_looks_at_a_tray_when_it_comes_first():
     assert seen == [[True, False], [False, False], [False, False], [True, False], [False, True], [False, True]]
 
 
-def toy(seed: int) -> TransplantingCore:
-    """Two trays of two rows of one, two orders of two rows of one; some plugs tear, lorries are tight."""
+def toy(seed: int, trays: int = 2, vacancy: float = 0.1) -> TransplantingCore:
+    """A few trays of two rows of one, as many orders of two rows of one; some plugs tear, lorries are tight."""
     rng = np.random.default_rng(seed)
     book = OrderBook(float(rng.uniform(2.0, 6.0)), 0.0, 0.5, (0.3, 0.7, 0.0), source_turn_s=1.0, target_turn_s=0.8)
-    trays = {"source": Tray(2, 1, 0.05), "target": Tray(2, 1, 0.07)}
-    scenario = replace(ORDERS["orders"], **trays, source_trays=2, target_trays=2, vacancy=0.1, orders=book)
+    kinds = {"source": Tray(2, 1, 0.05), "target": Tray(2, 1, 0.07)}
+    scenario = replace(ORDERS["orders"], **kinds, source_trays=trays, target_trays=trays, vacancy=vacancy, orders=book)
     core = TransplantingCore(TransplantingConfig(scenario=scenario), PerceptionModel.perfect(), 1)
     field = draw(core.config, rng)
     even = {name: np.full(len(field.source), 0.5) for name in ("lose", "damage")}
@@ -296,3 +297,13 @@ def test_no_decisions_reach_more_than_the_bound():
         assert bound.net_rate >= net - 1e-9 and bound.episode_return >= value - 1e-6
         reached.append(bound.net_rate == pytest.approx(net))
     assert sum(reached) >= 9
+
+
+def test_two_plugs_and_two_cells_are_worth_what_they_take():
+    core = toy(1, 1, 0.0)
+    bound = instance_of(core).bound()
+    net, value = best_of_all(core)
+    # That the tool rises at last and the tray is sent away is left out of the bound.
+    rest_s = core.times.rise[1, W.s] + core.times.turn_s[E.target]
+    assert bound.net_rate == net == 1.0
+    assert bound.episode_return == pytest.approx(value - core.config.weights.seconds * rest_s, abs=1e-6)
