@@ -232,6 +232,16 @@ class Track:
         return 2.0 * self.crop_votes > float(self.votes.sum())
 
     @property
+    def confidence(self) -> float:
+        """How sure the pictures are that it is a weed, from 0 to 1.
+
+        The share of the pictures that showed it as one, or should have, each counted by how sure it was; one more is
+        taken to have shown nothing, so that many pictures are surer than few.
+        """
+        weed = max(float(self.votes.sum()) - self.crop_votes, 0.0)
+        return weed / (max(self.looks, len(self.places)) + 1.0)
+
+    @property
     def is_doubtful(self) -> bool:
         """Whether pictures that should have shown it did not, or not for sure.
 

@@ -168,9 +168,11 @@ def told(strip: Strip, right: Sequence[str] = (), false: bool = True, named: boo
         if i < 0 and not exact:
             continue
         place, aim = (seen.weed[j], seen.weed[j]) if exact else (seen.told[i], seen.aim[i])
-        rows.append((*place, *aim, *(seen.kind[j] if exact or named else seen.named[i])))
-    rows += [(*seen.told[i], *seen.aim[i], *seen.named[i]) for i in (strip.false if false else ())]
-    table = np.array(rows, float).reshape(-1, 6)
+        rows.append(
+            (*place, *aim, *(seen.kind[j] if exact or named else seen.named[i]), 1.0 if i < 0 else seen.confidence[i])
+        )
+    rows += [(*seen.told[i], *seen.aim[i], *seen.named[i], seen.confidence[i]) for i in (strip.false if false else ())]
+    table = np.array(rows, float).reshape(-1, 7)
     # What the odometry puts beside the band is not told of.
     table = table[np.abs(table[:, 1]) <= half_m]
     reports = replace(
@@ -181,6 +183,7 @@ def told(strip: Strip, right: Sequence[str] = (), false: bool = True, named: boo
         aim_across_m=table[:, 3],
         species=table[:, 4].astype(np.int64),
         stage=table[:, 5].astype(np.int64),
+        confidence=table[:, 6],
     )
     return replace(strip.field, reports=reports)
 

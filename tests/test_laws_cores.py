@@ -222,7 +222,7 @@ def test_a_camera_s_tracks_are_held_against_the_plants_that_stand_nearest():
     weeds, crops = field.weeds, field.crops
     some = np.column_stack([weeds.along_m, weeds.across_m])[::3] + np.array([0.002, -0.001])
     n = len(some)
-    core.receive(0, some, np.zeros(n, int), np.zeros(n, int), np.full(n, 0.1), np.zeros(n, bool))
+    core.receive(0, some, np.zeros(n, int), np.zeros(n, int), np.full(n, 0.1), np.ones(n), np.zeros(n, bool))
     shown = core.state.slot_track[0]
     shown = shown[shown != core.capacity]
     assert 3 < len(shown) <= core.config.slots

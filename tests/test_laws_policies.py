@@ -119,7 +119,9 @@ def test_a_set_policy_s_card_says_how_large_it_is():
     with pytest.raises(PolicyFileError, match="out of range"):
         NetworkPolicy.of(many, {}, "mine")
     with pytest.raises(ValueError, match="do not fit"):
-        right_sized(layout).logits({"machine": np.zeros((1, 2)), "candidates": np.zeros((1, 13))})
+        right_sized(layout).logits(
+            {"machine": np.zeros((1, 2)), "candidates": np.zeros((1, 13)), "action_mask": np.zeros((1, 18))}
+        )
 
 
 def test_a_guest_is_asked_and_told_as_it_is():

@@ -124,7 +124,9 @@ def test_both_tools_meet_the_headline_scenario_by_default():
     [
         ({"false_sightings": ((), (), ())}, "every class with a sighting"),
         ({"sightings": ((0.0,) * 7,)}, "sightings"),
-        ({"false_sightings": (((0.0,) * 6,),) * 3}, "rows of 7"),
+        ({"false_sightings": (((0.0,) * 6,),) * 3}, "rows of 8"),
+        ({"false_sightings": (((0.0,) * 7,),) * 3}, "do not tell the confidence: measure anew"),
+        ({"false_sightings": (((0.0,) * 7 + (1.5,),),) * 3}, "rows of 8"),
         ({"crop_gap_m": (0.2, 0.1), "odds_near_crop": (1.0, 1.0, 1.0)}, "ascending"),
         ({"odds_near_weed": (1.0, 1.0)}, "give 1 factors"),
         ({"recall": ((2.0, 1.0, 1.0), (1.0, 1.0, 1.0))}, "[0, 1]"),

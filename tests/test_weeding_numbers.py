@@ -49,8 +49,11 @@ def hoe_way(config, stand_s, place, cart, speed, along, across):
     return move, along - cart, r.travel_m, abs(across) <= r.half_width_m
 
 
-def features_by_hand(core):
-    """Machine's features, the candidates' by slot, and the first block of the mask, by name."""
+def features_by_hand(core, shots):
+    """Machine's features, the candidates' by slot, and the first block of the mask, by name.
+
+    ``shots`` are aims and modes of what was done.
+    """
     config, state = core.config, core.state
     cart, speed, place = float(state.cart[0]), float(state.speed[0]), state.place[0]
     laser = hasattr(config.reach, "lean_m")
@@ -88,9 +91,29 @@ def features_by_hand(core):
             "two_leaf": stage == 1,
             "four_leaf": stage == 2,
             "crop_gap": min(field.reports.crop_gap_m[track] / 0.05, 4.0),
+            "confidence": field.reports.confidence[track],
+            "done": sum(
+                share_by_hand(config, mode, along - aim[0], across - aim[1], field.reports.species[track], stage)
+                for aim, mode in shots
+            ),
         }
         candidates.append({name: float(np.clip(value, -10.0, 10.0)) for name, value in row.items()})
     return machine, candidates, legal
+
+
+def share_by_hand(config, mode, along, across, species, stage):
+    """Dose of a work at an offset / the one that kills half of a kind."""
+    process, off = config.process, hypot(along, across)
+    if hasattr(process, "dose_j"):
+        width = process.spot_radius_m**2 + process.meristem_m[stage] ** 2
+        arrives, half = (
+            process.dose_j[mode] * exp(-2.0 * off**2 / width),
+            process.ed95_j / 19.0 ** (1.0 / process.slope),
+        )
+    else:
+        sweep, root = process.stir_radius_m[mode] + process.blade_radius_m, process.root_m[stage]
+        arrives, half = process.depth_m[mode] * lens_m2(sweep, root, off) / (pi * root**2), process.depth50_m
+    return arrives / (half * process.stage_factor[stage] * (process.grass_factor if species else 1.0))
 
 
 def work_s(config):
@@ -109,6 +132,7 @@ class Log:
         self.last_shot = self.last_kill = 0.0
         self.leaves, self.dead = np.zeros(len(core.field.crops)), np.zeros(len(core.field.crops), bool)
         self.phases = dict.fromkeys(core.phase_names, 0.0)
+        self.aimed = []
 
     def add(self, plan, result):
         config, kind, elapsed = self.core.config, int(plan.kind[0]), float(result.phases_s[0].sum())
@@ -128,6 +152,7 @@ class Log:
             assert rewards["energy"] == pytest.approx(-0.0005 * joules)
             self.shots, self.joules, self.last_shot = self.shots + 1.0, self.joules + joules, self.time
             self.strip(plan.aim[0], kind)
+            self.aimed.append((plan.aim[0].tolist(), kind))
             self.blanks += self.core.field.reports.behind[plan.track[0]] == 0
             if rewards["killed"]:
                 self.last_kill = self.time
@@ -199,7 +224,7 @@ def test_every_feature_and_every_score_by_hand(name):
     found: dict[str, float] = {}
     for decision in range(260):
         observation = core.observe()
-        machine, candidates, legal = features_by_hand(core)
+        machine, candidates, legal = features_by_hand(core, log.aimed)
         assert list(machine) == list(core.machine_features)
         assert observation["machine"][0] == pytest.approx(list(machine.values()), rel=1e-6, abs=1e-6)
         table = observation["candidates"][0].reshape(core.config.slots, -1)

@@ -137,7 +137,7 @@ def test_tracks_of_a_camera_stay_listed_until_they_leave_and_end_the_strip():
     kinds = np.zeros(3, np.int64)
 
     def receive():
-        core.receive(0, report, kinds, kinds, np.ones(3), np.zeros(3, bool))
+        core.receive(0, report, kinds, kinds, np.ones(3), np.ones(3), np.zeros(3, bool))
 
     receive()
     assert core.state.slot_track[0, :3].tolist() == [2, 0, core.capacity]

@@ -245,6 +245,7 @@ def test_perfect_perception_reports_every_weed_where_and_what_it_is():
         assert np.array_equal(tracks.aim[row, :n], tracks.report[row, :n])
         assert np.array_equal(tracks.species[row, :n], plants.species[row, :n])
         assert np.array_equal(tracks.stage[row, :n], plants.stage[row, :n])
+        assert np.all(tracks.confidence[row, :n] == 1.0)
         assert np.all(tracks.report[row, n:] == FAR_M)
 
 
@@ -325,13 +326,13 @@ def test_fitted_odds_predict_as_many_hits_in_each_bin_as_there_were():
 
 def test_kept_sightings_keep_the_distribution_of_the_errors_and_are_never_none():
     rng = np.random.default_rng(2)
-    rows = rng.standard_t(2.0, (900, 7))
+    rows = rng.standard_t(2.0, (900, 8))
     sample = np.array(kept(rows))
     assert 0 < len(sample) < 100
     error, all_errors = np.hypot(sample[:, 2], sample[:, 3]), np.hypot(rows[:, 2], rows[:, 3])
     for share in (25, 50, 75, 90):
         assert np.percentile(error, share) == pytest.approx(np.percentile(all_errors, share), rel=0.05)
-    assert kept(np.zeros((0, 7))) == [[0.0] * 7]
+    assert kept(np.zeros((0, 8))) == [[0.0] * 8]
 
 
 def test_the_shipped_fit_names_what_it_was_measured_on():
@@ -341,3 +342,5 @@ def test_the_shipped_fit_names_what_it_was_measured_on():
         # A track is a weed's when its place or its aim is near it.
         assert min(np.hypot(row[0], row[1]), np.hypot(row[2], row[3])) <= MATCH_M + 1e-4
         assert row[4] in (0.0, 1.0) and row[5] in (0.0, 1.0) and row[6] in (0.0, 1.0, 2.0)
+    false = model.false_table.rows
+    assert 0.0 < false[:, 7].mean() < model.sighting_table.rows[:, 7].mean() < 1.0

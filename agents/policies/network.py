@@ -81,14 +81,18 @@ class NetworkPolicy(StatelessPolicy):
         """
         layout, w = self.layout, self._w
         machine, flat = observation["machine"], observation["candidates"]
-        # What a scenario adds to the machine's features stands behind those that the network knows.
-        known = machine[..., : layout.machine]
-        if known.shape[1:] != (layout.machine,) or flat.shape[1:] != (layout.candidates * layout.features,):
+        # What is shown of the machine and of candidates beyond what the network knows stands behind that.
+        known, actions = machine[..., : layout.machine], observation["action_mask"].shape[1:]
+        features, rest = divmod(flat.shape[-1], layout.candidates)
+        fits = known.shape[1:] == (layout.machine,) and flat.ndim == 2 and actions == (layout.actions,)
+        if not fits or rest or features < layout.features:
             raise ValueError(
-                f"machine {machine.shape[1:]} and candidates {flat.shape[1:]} do not fit this policy, made for "
-                f"{layout.machine} and {layout.candidates} x {layout.features} numbers"
+                f"machine {machine.shape[1:]}, candidates {flat.shape[1:]} and actions {actions} do not fit this "
+                f"policy, made for {layout.machine}, {layout.candidates} x {layout.features} and {layout.actions} "
+                "numbers"
             )
-        candidates = flat.reshape(-1, layout.candidates, layout.features)
+        table = flat.reshape(-1, layout.candidates, features)
+        candidates = np.ascontiguousarray(table[..., : layout.features])
         present = (candidates[..., :1] > 0.0).astype(np.float32)
         code = candidates @ w["encoder.candidate.weight"] + w["encoder.candidate.bias"]
         code += (known @ w["encoder.machine.weight"])[:, None]
@@ -139,13 +143,18 @@ class NetworkPolicy(StatelessPolicy):
     def fitted(self, env: Any) -> NetworkPolicy:
         """The same weights for an environment's number of slots; what was learned of K is kept as it is.
 
-        What the environment shows of its machine beyond what the policy was made for is not looked at.
+        What the environment shows of its machine and its candidates beyond what the policy was made for is not looked
+        at.
 
         Raises:
             PolicyFileError: the environment's sizes are others.
         """
         found = layout_of(env)
-        layout = replace(found, machine=min(found.machine, self.layout.machine))
+        layout = replace(
+            found,
+            machine=min(found.machine, self.layout.machine),
+            features=min(found.features, self.layout.features),
+        )
         if replace(self.layout, candidates=layout.candidates) != layout:
             raise PolicyFileError(f"it was made for {self.layout}, this environment has {found}")
         if self.layout == layout:

@@ -59,8 +59,14 @@ class Tracks(NamedTuple):
     """Reported."""
     crop_gap_m: Annotated[Array, shaped("tracks")]
     """Reported distance to the nearest crop plant."""
+    confidence: Annotated[Array, shaped("tracks")]
+    """How sure the cameras are that it is a weed."""
     count: Annotated[NDArray[np.int64], shaped()]  # type: ignore[override]
     """How many there are."""
+
+
+_TOLD = ("species", "stage", "crop_gap_m", "confidence")
+"""What reports and tracks call the same."""
 
 
 class Batch(NamedTuple):
@@ -108,7 +114,7 @@ def _tracks(plants: Plants, capacity: int, reports: Sequence[field.Reports]) -> 
     for row, table in enumerate(reports):
         n = tracks.count[row] = len(table)
         tracks.report[row, :n], tracks.aim[row, :n] = places(table), places(table, "aim_along_m", "aim_across_m")
-        for name in ("species", "stage", "crop_gap_m"):
+        for name in _TOLD:
             getattr(tracks, name)[row, :n] = getattr(table, name)
         tracks.real[row, :n] = table.behind == 1
     return tracks._replace(weed=nearest_weeds(plants.weed, tracks.aim))
@@ -127,7 +133,7 @@ def _field(batch: Batch, row: int, camera: Camera | None) -> WeedField:
     reports = None
     if tracks is not None:
         here = row, slice(int(tracks.count[row]))
-        told = {name: getattr(tracks, name)[here] for name in ("species", "stage", "crop_gap_m")}
+        told = {name: getattr(tracks, name)[here] for name in _TOLD}
         behind = tracks.real[here].astype(np.int64)
         reports = field.Reports(*tracks.report[here].T, *tracks.aim[here].T, **told, behind=behind)
     return WeedField(

@@ -60,6 +60,8 @@ def begin_worlds(
         worlds.place[w, A.carrier], worlds.place[w, A.lean] = place.carrier_m, place.lean_m
         worlds.place[w, A.across] = place.across_m
         worlds.track_count[w], worlds.cursor[w] = 0, 0
+        for k in range(worlds.track_real.shape[1]):
+            fill(worlds.track_feature[w, k], 0.0)
         fill(worlds.slot_track[w], worlds.track_real.shape[1] - 1)
 
 
@@ -132,11 +134,10 @@ def begin_tracks(
                 tables.crop_beside,
                 tracks.real[r, k],
             )
-            fill(feature[k], 0.0)
         before = 0
         for k in range(tracks.count[r]):
             before = passed(crop, aim[k, G.along], before)
             near[k, N.crop] = crop_index(crop, aim[k, G.along], before, tables.crop_beside)
             species, stage, gap_m = tracks.species[r, k], tracks.stage[r, k], tracks.crop_gap_m[r, k]
-            show_track(feature[k], report[k, G.across], species, stage, gap_m)
+            show_track(feature[k], report[k, G.across], species, stage, gap_m, tracks.confidence[r, k])
         move_up(tables, worlds, w)

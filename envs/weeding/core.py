@@ -94,7 +94,8 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         self._cameras = Cameras.of(scenario, config.cart, perception or PerceptionModel.perfect())
         self._numbers = (*self._strip.random_numbers, *self._cameras.random_numbers(scenario.max_weeds))
         believes = perception is not None and not self._all_seen
-        self.tables = tables_of(config, machine, process, perception.delay_s if perception else 0.0, believes)
+        delay_s = perception.delay_s if perception else 0.0
+        self.tables = tables_of(config, machine, process, delay_s, believes, perception is not None)
         # Weeds and crop plants lie in one array.
         self.weeds_end = self.tables.weeds_end
         self.capacity = self._cameras.capacity(scenario.max_weeds) if perception else 4 * scenario.max_weeds
@@ -179,15 +180,17 @@ class WeedingCore(ErringCore[WeederPlan, WeederOutcome]):
         species: NDArray[np.int64],
         stage: NDArray[np.int64],
         crop_gap_m: Array,
+        confidence: Array,
         treated: NDArray[np.bool_],
     ) -> None:
-        """Take a camera's present tracks into one world: n places (n, 2), their kinds, and which were treated.
+        """Take a camera's present tracks into one world: n places (n, 2), what they are, and which were treated.
 
         A track keeps its index from call to call; new ones come after the old ones.
         """
         state, n = self.state, min(len(report), self.capacity)
         state.track_report[row, :n] = state.track_aim[row, :n] = report[:n]
-        show_tracks(state.track_feature[row, :n], report[:n, G.across], species[:n], stage[:n], crop_gap_m[:n])
+        told = species[:n], stage[:n], crop_gap_m[:n], confidence[:n]
+        show_tracks(state.track_feature[row, :n], report[:n, G.across], *told)
         state.track_count[row] = state.cursor[row] = n
         open_tracks = np.flatnonzero(~treated[:n] & (report[:n, G.along] >= state.cart[row] - self.tables.exit_m))
         nearest = open_tracks[np.argsort(report[open_tracks, G.along], kind="stable")][: self.config.slots]

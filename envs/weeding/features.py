@@ -69,6 +69,10 @@ class Candidate(NamedTuple):
     crop_gap: Annotated[
         int, Says("m", "reported distance to the nearest crop plant", CROP_GAP_SCALE_M, 0.0, CROP_GAP_LIMIT)
     ]
+    confidence: Annotated[int, Says("", "how sure the cameras are that it is a weed", 1.0, 0.0, 1.0)]
+    done: Annotated[
+        int, Says("", "dose of own shots at the reported place / what kills half of its kind", 1.0, 0.0, LIMIT)
+    ]
 
 
 M, C = numbered(Machine), numbered(Candidate)
@@ -81,13 +85,16 @@ candidate_table = table_of(Candidate)
 
 
 @compiled
-def show_track(feature: NDArray[np.float32], across_m: float, species: int, stage: int, crop_gap_m: float) -> None:
-    """Write what policies are shown of a track that does not depend on where the machine is, see ``Candidate``."""
-    fill(feature, 0.0)
+def show_track(
+    feature: NDArray[np.float32], across_m: float, species: int, stage: int, crop_gap_m: float, confidence: float
+) -> None:
+    """Write what policies are shown of a track, but for what depends on where the machine is and on what it did."""
     feature[C.present] = 1.0
     feature[C.across] = min(max(across_m * (1.0 / ACROSS_SCALE_M), -LIMIT), LIMIT)
     feature[C.grass] = species
+    fill(feature[C.cotyledon : C.four_leaf + 1], 0.0)
     feature[C.cotyledon + stage] = 1.0
+    feature[C.confidence] = confidence
     feature[C.crop_gap] = min(crop_gap_m * (1.0 / CROP_GAP_SCALE_M), CROP_GAP_LIMIT)
 
 
@@ -98,7 +105,8 @@ def show_tracks(
     species: NDArray[np.int64],
     stage: NDArray[np.int64],
     crop_gap_m: Array,
+    confidence: Array,
 ) -> None:
     """``show_track`` of tracks (n, F)."""
     for i in range(len(features)):
-        show_track(features[i], across_m[i], species[i], stage[i], crop_gap_m[i])
+        show_track(features[i], across_m[i], species[i], stage[i], crop_gap_m[i], confidence[i])

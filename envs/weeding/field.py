@@ -54,6 +54,7 @@ class Reports(Table):
     stage: Whole = label(STAGES, "reported", 1.0)
     crop_gap_m: Array = number("m", 0.0, 2000.0, "reported distance to the nearest crop plant", "task")
     behind: Whole = label(("nothing", "weed"), "what is behind it; for the count of blank shots alone", "task")
+    confidence: Array = number("", 0.0, 1.0, "how sure the cameras are that it is a weed", 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,5 +157,7 @@ def strip(
         weeds=Weeds(**place, **kind, luck=np.broadcast_to(np.asarray(luck, float), n), look=np.full(n, 0.5)),
         crops=Crops(crop_along, crop_across, np.full(m, crop_luck)),
         ground=Ground(np.array([0.5])),
-        reports=replace(bare, **place, **kind, aim_along_m=along, aim_across_m=across, behind=np.ones(n)),
+        reports=replace(
+            bare, **place, **kind, aim_along_m=along, aim_across_m=across, behind=np.ones(n), confidence=np.ones(n)
+        ),
     )

@@ -20,7 +20,7 @@ TOOL_GATE_M = 0.022
 """The tool camera corrects to a plant within this distance of where it was told to look."""
 
 Sightings = tuple[tuple[tuple[float, ...], ...], ...]
-"""Classes of sightings, each sighting a row of seven numbers, see ``Sighting``."""
+"""Classes of sightings, each sighting a row of eight numbers, see ``Sighting``."""
 
 
 class Sighting(NamedTuple):
@@ -33,13 +33,14 @@ class Sighting(NamedTuple):
     found: Annotated[int, Says("", "1 where the tool camera found a plant at all")]
     species: Annotated[int, Says("", "reported index into ``SPECIES``")]
     stage: Annotated[int, Says("", "reported index into ``STAGES``")]
+    confidence: Annotated[int, Says("", "how sure the front camera's pictures are that it is a weed, 0 to 1")]
 
 
 Q = numbered(Sighting)
 
 
 class SightingTable(NamedTuple):
-    """Sightings of all classes, one under the other: ``rows`` (n, 7), where each class begins, how many it holds."""
+    """Sightings of all classes, one under the other: ``rows`` (n, 8), where each class begins, how many it holds."""
 
     rows: Array
     first: NDArray[np.int64]
@@ -50,10 +51,10 @@ class SightingTable(NamedTuple):
 class PerceptionModel(Config):
     """What front camera, tracks and tool camera report, as a statistical model.
 
-    Errors are not described by a law but drawn from those that were measured: a *sighting* is a row of seven numbers
+    Errors are not described by a law but drawn from those that were measured: a *sighting* is a row of eight numbers
     (see ``Sighting``): the place at which the front camera's track ends, the one that the tool camera corrects it to,
-    whether that found a plant at all, and the reported species and stage. So errors keep their long tails, and a bad
-    track keeps its bad correction.
+    whether that found a plant at all, the reported species and stage, and how sure the pictures were. So errors keep
+    their long tails, and a bad track keeps its bad correction and its doubts.
 
     Fitted by ``scripts/measure_camera.py`` to rendered images; ``perfect`` is the truth.
     """
@@ -96,10 +97,17 @@ class PerceptionModel(Config):
             if len(table) != classes or not all(table):
                 self.refuse(name, f"give {classes} classes, every class with a sighting at least")
             rows = [row for rows in table for row in rows]
+            if any(len(row) == Q.confidence for row in rows):
+                self.refuse(
+                    name, "rows of 7 do not tell the confidence: measure anew, scripts/measure_camera.py weeding"
+                )
             if any(
-                len(row) != len(Q) or min(row[Q.found :]) < 0.0 or max(row[Q.found : Q.stage]) > 1.0 for row in rows
+                len(row) != len(Q) or min(row[Q.found :]) < 0.0 or max(*row[Q.found : Q.stage], row[Q.confidence]) > 1.0
+                for row in rows
             ):
-                self.refuse(name, f"give rows of {len(Q)}: four offsets in metres, found 0 or 1, species, stage")
+                self.refuse(
+                    name, f"give rows of {len(Q)}: four offsets in metres, found 0 or 1, species, stage, confidence"
+                )
 
     @cached_property
     def sighting_table(self) -> SightingTable:
@@ -116,8 +124,8 @@ class PerceptionModel(Config):
     def perfect(cls) -> PerceptionModel:
         """Every weed, exactly where and what it is, at once."""
         ones, exact = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0, 1.0)
-        kinds = tuple(((*exact, float(s), float(g)),) for s in range(len(SPECIES)) for g in range(len(STAGES)))
-        nothing = ((*exact, 0.0, 0.0),)
+        kinds = tuple(((*exact, float(s), float(g), 1.0),) for s in range(len(SPECIES)) for g in range(len(STAGES)))
+        nothing = ((*exact, 0.0, 0.0, 1.0),)
         return cls(
             recall=(ones, ones),
             crop_gap_m=(),

@@ -36,10 +36,10 @@ class Cameras(NamedTuple):
         weed_odds: see ``crop_odds``.
         crowded_m: nearer than that a weed is at a crop plant, beside another weed.
         alone_m: how much farther the nearest other weed is makes no difference.
-        sightings: (n, 7), rows of every class, see ``Sighting``.
+        sightings: (n, 8), rows of every class, see ``Sighting``.
         first: where each class begins.
         holds: how many each class has.
-        false_sightings: (n, 7), the same of false tracks.
+        false_sightings: (n, 8), the same of false tracks.
         false_first: see ``first``.
         false_holds: see ``holds``.
         false: cumulative probabilities of 0, 1, ... false tracks.
@@ -183,6 +183,7 @@ def look(cameras: Cameras, plants: Plants, lots: Lots, carrying: Carrying, track
             nearest[k] = nearest_along(weed, aim[k, G.along], before)
             tracks.species[r, k], tracks.stage[r, k] = int(told[i, Q.species]), int(told[i, Q.stage])
             tracks.real[r, k], tracks.crop_gap_m[r, k] = i < true, gap_m[i]
+            tracks.confidence[r, k] = told[i, Q.confidence]
 
 
 @compiled
@@ -260,9 +261,9 @@ def tell(
     """Write what is told of a place behind the first ``count``, if it seems to lie in the band; gives how many are.
 
     Args:
-        told: (n, 7), as ``Sighting``, but for the places, which are the world's.
+        told: (n, 8), as ``Sighting``, but for the places, which are the world's.
         count: rows that are written.
-        sightings: (m, 7), see ``Sighting``.
+        sightings: (m, 8), see ``Sighting``.
         row: which of them it is.
         carrying: from the front camera's view to the tool.
         r: the world.
@@ -288,6 +289,7 @@ def tell(
     elif carrying.after:
         told[count, Q.aim_across] = NOWHERE_M
     told[count, Q.species], told[count, Q.stage] = sightings[row, Q.species], sightings[row, Q.stage]
+    told[count, Q.confidence] = sightings[row, Q.confidence]
     return count + 1
 
 

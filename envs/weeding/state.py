@@ -11,7 +11,7 @@ from ..arrays import allocated, shaped
 from ..columns import Says, names, numbered
 from ..core import COMMON_SCORES, Array
 from ..shaking import Shape, Surface
-from .config import STAGES, FieldTask
+from .config import SPECIES, STAGES, FieldTask
 from .features import Candidate
 from .ground import shape_of, span
 from .perception import TOOL_GATE_M
@@ -139,6 +139,8 @@ class Tables(NamedTuple):
         leaf_m: how far a crop plant's leaves reach.
         worth: (species, stage), what a weed counts.
         budget_j: energy that all works may take, infinite where it is not scarce.
+        half: (species, stage), dose that kills half of a kind of weed.
+        in_order: whether tracks lie in the order of their reports along the row; those of pictures do not.
     """
 
     work_s: Array
@@ -169,6 +171,8 @@ class Tables(NamedTuple):
     leaf_m: float
     worth: Array
     budget_j: float
+    half: Array
+    in_order: bool
 
 
 class Worlds(NamedTuple):
@@ -203,7 +207,7 @@ class Worlds(NamedTuple):
     track_real: Annotated[NDArray[np.bool_], shaped("tracks")]
     """Whether a weed is behind it; for scoring alone."""
     track_feature: Annotated[NDArray[np.float32], shaped("tracks", Candidate)]
-    """What does not depend on where the machine is."""
+    """What does not depend on where the machine is; what it has done here adds up."""
     track_count: Annotated[NDArray[np.int64], shaped()]
     """Tracks known to the rules, those to come included."""
     slot_track: Annotated[NDArray[np.int64], shaped("slots", empty="tracks")]
@@ -254,7 +258,9 @@ class WeederPlan(NamedTuple):
     correction: Array
 
 
-def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: float, believes: bool) -> Tables:
+def tables_of(
+    config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: float, believes: bool, in_order: bool
+) -> Tables:
     """The tables of a configuration; tracks are used ``delay_s`` after the pictures that they come from."""
     scenario, cart, weights = config.scenario, config.cart, config.weights
     leaves = weights.leaves if scenario.leaves_count else 0.0
@@ -289,6 +295,8 @@ def tables_of(config: FieldTask, arm: Arm, process: WeedingProcess, delay_s: flo
         leaf_m=float(scenario.leaf_m),
         worth=np.array(scenario.worth, float),
         budget_j=float(scenario.energy_j) if scenario.energy_j > 0.0 else np.inf,
+        half=process.response.half_of(*np.indices((len(SPECIES), len(STAGES)))),
+        in_order=in_order,
     )
 
 

@@ -172,7 +172,8 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
             gap = np.hypot(*(place[:, None] - place[crop][None]).transpose(2, 0, 1)).min(axis=1)
         half = 0.5 * core.config.scenario.band_m
         done = crop | np.array([t.treated or t.is_doubtful for t in listed], bool) | (np.abs(place[:, G.across]) > half)
-        core.receive(0, place, votes.sum(axis=2).argmax(axis=1), votes.sum(axis=1).argmax(axis=1), gap, done)
+        sure = np.array([t.confidence for t in listed], float)
+        core.receive(0, place, votes.sum(axis=2).argmax(axis=1), votes.sum(axis=1).argmax(axis=1), gap, sure, done)
 
     def attend(self, action: int) -> None:
         """Note which plant an action works on, and look at it where the tool has a camera of its own."""

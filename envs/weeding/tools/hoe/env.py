@@ -78,7 +78,7 @@ class HoeWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
     - ``machine`` (7,): ``place`` of the blade before the cart's middle / 0.14 m, ``lean_along`` 0 (nothing leans),
       ``lean_across`` the blade's place across / 0.2 m, ``speed`` and ``set_speed`` of the cart / 0.1 m/s, ``progress``
       of the cart / strip, ``backlog`` candidates / K.
-    - ``candidates`` (K x 11,), as in ``fieldgym/LaserWeeding-v0``.
+    - ``candidates`` (K x 13,), as in ``fieldgym/LaserWeeding-v0``.
     - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.unwrapped.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed``, ``crop`` (-5 a crop plant that is lost), ``time``

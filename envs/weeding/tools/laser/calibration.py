@@ -18,6 +18,7 @@ from ....core import Array
 from ....pairing import nearest_pairs
 from ...config import SCENARIOS
 from ...gaps import LOOKED_AT, crop_gaps, weed_gaps
+from ...perception import Q
 from ...sighting import neighbourhood
 from ...view import DELAY_S, DRIFT_SHARE, SAME_M, FrontCamera
 from .config import WeedingConfig
@@ -42,7 +43,7 @@ class Strips(NamedTuple):
 
     Attributes:
         weeds: (n, 4), species, stage, distance to the nearest crop plant and to the nearest weed.
-        sightings: (n, 7), see ``PerceptionModel``; NaN where the weed did not become a track.
+        sightings: (n, 8), see ``PerceptionModel``; NaN where the weed did not become a track.
         after_m: (n,), way from entering the view to confirmation, NaN as before.
         false: per class of false tracks, their sightings.
         crops: crop plants.
@@ -73,6 +74,7 @@ class Seen(NamedTuple):
         aim: (t, 2), where the tool camera corrects it to.
         found: (t,), whether it found a plant.
         named: (t, 2), species and stage.
+        confidence: (t,), how sure the pictures were.
         confirmed_m: (t,), cart positions.
     """
 
@@ -84,6 +86,7 @@ class Seen(NamedTuple):
     aim: np.ndarray
     found: np.ndarray
     named: np.ndarray
+    confidence: np.ndarray
     confirmed_m: np.ndarray
 
 
@@ -132,6 +135,7 @@ def look(config: WeedingConfig, core: Any, view: WeederView, seed: int, counts: 
         aim,
         found,
         np.array([(t.votes.sum(axis=1).argmax(), t.votes.sum(axis=0).argmax()) for t in tracks], float).reshape(-1, 2),
+        np.array([t.confidence for t in tracks]),
         np.array([t.confirmed_m for t in tracks]),
     )
 
@@ -149,7 +153,7 @@ def join(config: WeedingConfig, all_seen: list[Seen], counts: dict[str, int]) ->
         weeds.append(np.column_stack([s.kind, *gaps]))
         for j in range(len(s.weed)):
             i = pairs.get(j)
-            sightings.append((np.nan,) * 7 if i is None else sighting(s, i, s.weed[j]))
+            sightings.append((np.nan,) * len(Q) if i is None else sighting(s, i, s.weed[j]))
             entered = s.weed[j, 0] - config.cart.seen_ahead_m
             after.append(np.nan if i is None else s.confirmed_m[i] - entered)
         for i in set(range(len(s.place))) - set(pairs.values()):
@@ -168,7 +172,7 @@ def join(config: WeedingConfig, all_seen: list[Seen], counts: dict[str, int]) ->
 
 def sighting(seen: Seen, i: int, owner: np.ndarray) -> tuple[float, ...]:
     """One row of ``PerceptionModel.sightings``: track ``i`` relative to a plant's place (2,)."""
-    return (*(seen.place[i] - owner), *(seen.aim[i] - owner), seen.found[i], *seen.named[i])
+    return (*(seen.place[i] - owner), *(seen.aim[i] - owner), seen.found[i], *seen.named[i], seen.confidence[i])
 
 
 def drive(config: WeedingConfig, front: FrontCamera, weed: np.ndarray, counts: dict[str, int]) -> None:
@@ -230,7 +234,7 @@ def fit(parts: list[Strips], calibrated: bool = False) -> dict[str, Any]:
         "sightings": [kept(rows[found & (table == c)]) for c in range(18)],
         "false_rates": [round(float(t / n), 4) for t, n in zip(totals, per, strict=True)],
         "false_sightings": [
-            kept(np.array([row for p in parts for row in p.false[c]]).reshape(-1, 7)) for c in range(3)
+            kept(np.array([row for p in parts for row in p.false[c]]).reshape(-1, len(Q))) for c in range(3)
         ],
         "drift_share": round(left, 5) if calibrated else DRIFT_SHARE,
         "delay_s": DELAY_S,
@@ -264,12 +268,12 @@ def factors(bins: tuple[np.ndarray, ...], sizes: tuple[int, ...], found: np.ndar
 
 
 def kept(rows: np.ndarray) -> list[list[float]]:
-    """At most ``KEPT`` of the rows (n, 7), evenly over the order of their final errors; a row of zeros for none.
+    """At most ``KEPT`` of the rows (n, 8), evenly over the order of their final errors; a row of zeros for none.
 
     Every so many-th of the ordered rows keeps the distribution of the errors better than rows by chance.
     """
     if not len(rows):
-        return [[0.0] * 7]
+        return [[0.0] * len(Q)]
     order = np.argsort(np.hypot(rows[:, 2], rows[:, 3]), kind="stable")
     n = min(KEPT, len(rows))
     chosen = rows[order[((np.arange(n) + 0.5) * len(rows) / n).astype(np.int64)]]

@@ -75,11 +75,13 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
     - ``machine`` (7,): ``place`` of the platform before the cart's middle / 0.15 m, ``lean_along`` and ``lean_across``
       of the beam / 0.2 m, ``speed`` and ``set_speed`` of the cart / 0.1 m/s, ``progress`` of the cart / strip,
       ``backlog`` candidates / K.
-    - ``candidates`` (K x 11,), a table (``candidate_table`` gives it its two axes), empty rows zero: ``present``,
+    - ``candidates`` (K x 13,), a table (``candidate_table`` gives it its two axes), empty rows zero: ``present``,
       ``along`` report minus cart / 0.3 m, ``across`` / 0.2 m, ``leaves`` seconds until it leaves the window / 4 s,
       ``move`` seconds to get there / 0.5 s, ``wait`` seconds until it is within the window then / 0.5 s (normal dose),
       ``grass`` reported species, one-hot reported stage (cotyledon, two-leaf, four-leaf), ``crop_gap`` reported
-      distance to the nearest crop plant / 0.05 m, at most 4.
+      distance to the nearest crop plant / 0.05 m, at most 4, ``confidence`` how sure the cameras are that it is a weed
+      (1 where everything is seen as it is), ``done`` dose that own shots so far have put on the reported place / the
+      one that kills half of its kind, at most 10, as aimed, whichever candidate they were aimed at.
     - ``action_mask`` (3 K + 1,) int8; also in ``info["action_mask"]`` and ``env.unwrapped.action_masks()``.
 
     **Reward**: the sum of ``info["rewards"]``, in weeds: ``killed`` (in ``"worth"`` what they count), ``crop`` (-5 a
