@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envs.weeding.features import CROP_GAP_SCALE_M, C
+from ..envs.weeding.features import CROP_GAP_SCALE_M, L
 from ..envs.weeding.outcomes import CROP_GAPS_M, FAR_M, NEIGHBOUR_GAPS_M, STEP_M, Outcomes, class_of, crop_step
 from ..envs.weeding.state import MODES, R
 from .shots import Option, Shots, in_row, undominated
@@ -40,8 +40,8 @@ def hoped_shots(core: Any, row: int, tables: Outcomes) -> Shots:
     state = core.state
     n = int(state.track_count[row])
     aim, told, feature = (part[row, :n] for part in (state.track_aim, state.track_report, state.track_feature))
-    kind = 3 * (feature[:, C.grass] > 0.5) + feature[:, C.cotyledon : C.four_leaf + 1].argmax(axis=1)
-    crop_gap_m = feature[:, C.crop_gap].astype(float) * CROP_GAP_SCALE_M
+    kind = 3 * (feature[:, L.grass] > 0.5) + feature[:, L.cotyledon : L.four_leaf + 1].argmax(axis=1)
+    crop_gap_m = feature[:, L.crop_gap].astype(float) * CROP_GAP_SCALE_M
     apart_m = np.hypot(*np.moveaxis(told[:, None] - told[None], -1, 0))
     np.fill_diagonal(apart_m, np.inf)
     nearest_m = apart_m.min(axis=1, initial=np.inf)

@@ -75,7 +75,20 @@ class Candidate(NamedTuple):
     ]
 
 
-M, C = numbered(Machine), numbered(Candidate)
+class Lasting(NamedTuple):
+    """What is shown of a track wherever the machine is, kept from decision to decision; see ``Candidate``."""
+
+    across: Annotated[int, Says("m", "report from the middle of the row", ACROSS_SCALE_M)]
+    grass: Annotated[int, Says("", "1 where a grass is reported")]
+    cotyledon: Annotated[int, Says("", "1 where the cotyledon stage is reported")]
+    two_leaf: Annotated[int, Says("", "1 where the two-leaf stage is reported")]
+    four_leaf: Annotated[int, Says("", "1 where the four-leaf stage is reported")]
+    crop_gap: Annotated[int, Says("m", "reported distance to the nearest crop plant", CROP_GAP_SCALE_M)]
+    confidence: Annotated[int, Says("", "how sure the cameras are that it is a weed")]
+    done: Annotated[int, Says("", "dose of own shots at the reported place / what kills half of its kind")]
+
+
+M, C, L = numbered(Machine), numbered(Candidate), numbered(Lasting)
 ENERGY = numbered(PoweredMachine).energy
 """Place of the energy that is left, behind all of ``Machine``."""
 assert PoweredMachine._fields == (*Machine._fields, "energy")
@@ -88,14 +101,13 @@ candidate_table = table_of(Candidate)
 def show_track(
     feature: NDArray[np.float32], across_m: float, species: int, stage: int, crop_gap_m: float, confidence: float
 ) -> None:
-    """Write what policies are shown of a track, but for what depends on where the machine is and on what it did."""
-    feature[C.present] = 1.0
-    feature[C.across] = min(max(across_m * (1.0 / ACROSS_SCALE_M), -LIMIT), LIMIT)
-    feature[C.grass] = species
-    fill(feature[C.cotyledon : C.four_leaf + 1], 0.0)
-    feature[C.cotyledon + stage] = 1.0
-    feature[C.confidence] = confidence
-    feature[C.crop_gap] = min(crop_gap_m * (1.0 / CROP_GAP_SCALE_M), CROP_GAP_LIMIT)
+    """Write what lasts of a track, see ``Lasting``, but for what was done."""
+    feature[L.across] = min(max(across_m * (1.0 / ACROSS_SCALE_M), -LIMIT), LIMIT)
+    feature[L.grass] = species
+    fill(feature[L.cotyledon : L.four_leaf + 1], 0.0)
+    feature[L.cotyledon + stage] = 1.0
+    feature[L.confidence] = confidence
+    feature[L.crop_gap] = min(crop_gap_m * (1.0 / CROP_GAP_SCALE_M), CROP_GAP_LIMIT)
 
 
 @compiled

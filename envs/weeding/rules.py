@@ -15,7 +15,7 @@ from ...kernels import compiled
 from ...kernels.discs import covered_share
 from ...kernels.nearness import want
 from ..core import Array, StepResult
-from .features import LIMIT, C
+from .features import LIMIT, L
 from .process import dose
 from .ridges import lift_time
 from .shaken import carried_on, corrected, deeper, worked
@@ -136,7 +136,24 @@ def apply_worlds(
             if worlds.surface.shape[1] > 0:
                 share = deeper(tables, worlds, w, plan.speed[w], phases_s[w], kind, along, across)
             killed, worth, crops, leaves = treat(tables, work, worlds, w, kind, plan.track[w], along, across, share)
-            note(tables, work, worlds, plan, w)
+            # The machine knows where it meant to work, not where it did.
+            track, reports = plan.track[w], worlds.track_report[w]
+            along, across = plan.aim[w, G.along], plan.aim[w, G.across]
+            if worlds.surface.shape[1] > 0:
+                along = reports[track, G.along] + plan.correction[w, G.along]
+                across = reports[track, G.across] + plan.correction[w, G.across]
+            note(
+                work,
+                tables.half,
+                reports[: worlds.track_count[w]],
+                worlds.track_feature[w],
+                track,
+                worlds.slot_track[w, 0],
+                tables.in_order,
+                kind,
+                along,
+                across,
+            )
             counted = worth
             if tables.demanded > 0.0:
                 counted = counted_kills(tables, worlds.weeds[w], totals[T.killed], killed)
@@ -245,33 +262,39 @@ def treat(
 
 
 @compiled
-def note(tables: Tables, work: Any, worlds: Worlds, plan: WeederPlan, w: int) -> None:
-    """Add to what tracks show of own works: the dose at their reports, of what kills half of their kinds.
+def note(
+    work: Any,
+    half: Array,
+    report: Array,
+    features: NDArray[np.float32],
+    track: int,
+    oldest: int,
+    in_order: bool,
+    mode: int,
+    along_m: float,
+    across_m: float,
+) -> None:
+    """Add a work at a place to what tracks of a world show as done: its dose there, of what kills half of their kind.
 
-    The machine knows where it meant to work and how, not where it did.
+    The track that it was meant for is not shown again. Reports (T, 2) may lie in order along the row; then those before
+    the ``oldest`` that is shown are not either.
     """
-    track, mode, reach_m = plan.track[w], plan.kind[w], work.reach_m
-    report, features = worlds.track_report[w], worlds.track_feature[w]
-    along_m, across_m = plan.aim[w, G.along], plan.aim[w, G.across]
-    if worlds.surface.shape[1] > 0:
-        along_m = report[track, G.along] + plan.correction[w, G.along]
-        across_m = report[track, G.across] + plan.correction[w, G.across]
-    first, end = 0, worlds.track_count[w]
-    if tables.in_order:
-        first, last, end = track, end, track + 1
-        while first > 0 and along_m - report[first - 1, G.along] <= reach_m:
+    first, reach_m = 0, work.reach_m
+    if in_order:
+        first = track
+        while first > oldest and along_m - report[first - 1, G.along] <= reach_m:
             first -= 1
-        while end < last and report[end, G.along] - along_m <= reach_m:
-            end += 1
-    for k in range(first, end):
+    for k in range(first, len(report)):
         along, across = report[k, G.along] - along_m, report[k, G.across] - across_m
-        if abs(along) <= reach_m and abs(across) <= reach_m:
+        if in_order and along > reach_m:
+            break
+        if k != track and along * along + across * across <= reach_m * reach_m:
             feature = features[k]
-            species, stage = int(feature[C.grass]), 0
-            while stage < C.four_leaf - C.cotyledon and feature[C.cotyledon + stage] == 0.0:
+            species, stage = int(feature[L.grass]), 0
+            while stage < L.four_leaf - L.cotyledon and feature[L.cotyledon + stage] == 0.0:
                 stage += 1
-            share = dose(work, mode, along, across, stage) / tables.half[species, stage]
-            feature[C.done] = min(feature[C.done] + share, LIMIT)
+            share = dose(work, mode, along, across, stage) / half[species, stage]
+            feature[L.done] = min(feature[L.done] + share, LIMIT)
 
 
 @compiled

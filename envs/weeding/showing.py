@@ -11,11 +11,25 @@ from ...kernels import compiled
 from ...kernels.nearness import want
 from ..core import Array
 from ..kernel_core import book
-from .features import ALONG_SCALE_M, ENERGY, LEAVES_SCALE_S, LIMIT, SPEED_SCALE, TIME_SCALE_S, C, M
+from .features import (
+    ALONG_SCALE_M,
+    ENERGY,
+    LEAVES_SCALE_S,
+    LIMIT,
+    SPEED_SCALE,
+    TIME_SCALE_S,
+    C,
+    Candidate,
+    L,
+    Lasting,
+    M,
+)
 from .rules import AHEAD, apply_worlds, plan_worlds, powered
 from .state import MODES, OWN, S, T, Tables, Worlds
 from .timing import A, G, Place, approach
 
+LASTS = tuple(Candidate._fields.index(name) for name in Lasting._fields)
+"""The columns of a candidate that last."""
 NORMAL = 1
 """The mode whose motion and wait candidates are shown with."""
 
@@ -61,8 +75,9 @@ def observe_worlds(
         machine[w, M.backlog] = present / slots
         for k in range(present):
             track, column = worlds.slot_track[w, k], k * len(C)
-            for feature in range(len(C)):
-                candidates[w, column + feature] = worlds.track_feature[w, track, feature]
+            candidates[w, column + C.present] = 1.0
+            for n in range(len(L)):
+                candidates[w, column + LASTS[n]] = worlds.track_feature[w, track, n]
             along_m[k], across_m[k] = worlds.track_report[w, track, G.along], worlds.track_report[w, track, G.across]
             ahead = along_m[k] - cart
             candidates[w, column + C.along] = held(ahead / ALONG_SCALE_M)
@@ -93,7 +108,7 @@ def want_tracks(worlds: Worlds, w: int) -> None:
     for k in range(0, worlds.slot_track.shape[1], 4):
         want(worlds.track_report[w, worlds.slot_track[w, k], G.along])
     for k in range(0, worlds.slot_track.shape[1], 2):
-        want(worlds.track_feature[w, worlds.slot_track[w, k], C.present])
+        want(worlds.track_feature[w, worlds.slot_track[w, k], L.across])
 
 
 @compiled

@@ -12,7 +12,7 @@ from ..columns import Says, names, numbered
 from ..core import COMMON_SCORES, Array
 from ..shaking import Shape, Surface
 from .config import SPECIES, STAGES, FieldTask
-from .features import Candidate
+from .features import Lasting
 from .ground import shape_of, span
 from .perception import TOOL_GATE_M
 from .process import WeedingProcess
@@ -206,7 +206,7 @@ class Worlds(NamedTuple):
     """See ``Near``."""
     track_real: Annotated[NDArray[np.bool_], shaped("tracks")]
     """Whether a weed is behind it; for scoring alone."""
-    track_feature: Annotated[NDArray[np.float32], shaped("tracks", Candidate)]
+    track_feature: Annotated[NDArray[np.float32], shaped("tracks", Lasting)]
     """What does not depend on where the machine is; what it has done here adds up."""
     track_count: Annotated[NDArray[np.int64], shaped()]
     """Tracks known to the rules, those to come included."""
