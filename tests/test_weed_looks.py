@@ -4,8 +4,8 @@ import numpy as np
 
 from fieldgym.envs.weeding.tools.laser.calibration import Seen
 from fieldgym.scripts.weed_agreement import shares
-from fieldgym.scripts.weed_looks import CATEGORIES, RIGHT, Strip, by_confidence, by_gap, by_kind, tracks_of
 from fieldgym.scripts.weed_lessons import one_of
+from fieldgym.scripts.weed_looks import CATEGORIES, RIGHT, Strip, by_confidence, by_gap, by_kind, tracks_of
 
 WEED = np.array([[0.1, 0.05], [0.1, 0.06], [0.5, 0.0]])
 CROP = np.array([[0.0, 0.0], [0.47, 0.0]])
@@ -42,9 +42,15 @@ def test_kinds_are_those_of_weeds_for_recall_and_those_that_are_told_for_precisi
 def test_gaps_are_those_from_weeds_for_recall_and_from_the_aim_for_precision():
     crop, weed = cells(by_gap([strip()], "crop")), cells(by_gap([strip()], "weed"))
     # 30 mm from a crop plant, aimed at 33 mm from it; the other two are farther than 80 mm from any.
-    assert [(row[0], row[1], row[3], row[4]) for row in crop] == [("30-45", "1", "1", "1.00"), ("> 80", "2", "2", "0.50")]
+    assert [(row[0], row[1], row[3], row[4]) for row in crop] == [
+        ("30-45", "1", "1", "1.00"),
+        ("> 80", "2", "2", "0.50"),
+    ]
     # The missed weed lies 10 mm from the seen one, whose track does not count it as itself.
-    assert [(row[0], row[1], row[2], row[3]) for row in weed] == [("8-12", "2", "0.50", "1"), ("> 50", "1", "1.00", "2")]
+    assert [(row[0], row[1], row[2], row[3]) for row in weed] == [
+        ("8-12", "2", "0.50", "1"),
+        ("> 50", "1", "1.00", "2"),
+    ]
 
 
 def test_confidence_stands_beside_how_often_it_was_right():
