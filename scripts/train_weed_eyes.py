@@ -18,7 +18,7 @@ import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -202,6 +202,7 @@ def train(data: Sequence[Lesson], camera: str, steps: int, rate: float, net: Net
     size, batch, rng = SIZE_PX[camera], BATCH[camera], np.random.default_rng(seed)
     optimiser = torch.optim.AdamW(net.parameters(), rate, weight_decay=1e-3)
     average = AveragedModel(net, multi_avg_fn=get_ema_multi_avg_fn(_KEPT_SHARE), use_buffers=True)
+    kept = cast(Net, average.module)
     losses, began = [], time.thread_time()
     net.train()
     for step in range(steps):
@@ -220,9 +221,9 @@ def train(data: Sequence[Lesson], camera: str, steps: int, rate: float, net: Net
         if (step + 1) % max(steps // 10, 1) == 0:
             spent = time.thread_time() - began
             print(f"{step + 1:6d} {spent:6.0f} s  loss {np.mean(losses[-max(steps // 10, 1) :]):.3f}", flush=True)
-            write(keep, average.module.weights())
-            torch.save(average.module.state_dict(), keep.with_suffix(".pt"))
-    net.load_state_dict(average.module.state_dict())
+            write(keep, kept.weights())
+            torch.save(kept.state_dict(), keep.with_suffix(".pt"))
+    net.load_state_dict(kept.state_dict())
     return [float(np.mean(part)) for part in np.array_split(losses, 10) if len(part)]
 
 
