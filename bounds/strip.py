@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envs.weeding.timing import G, Place, approach, move_time, ready
+from ..envs.weeding.timing import A, G, Place, approach, move_time, ready
 from ..kernels import compiled
+from .shots import Shots
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -209,3 +210,16 @@ def shortest_moves(arm: Any, told_m: Array, aim_m: Array, slack_m: Array, lean_m
                 move_s, _ = least_move_s(arm, along, 0.0, across, 0.0, -2.0 * lean_m, 2.0 * lean_m, slack)
                 shortest[k] = min(shortest[k], move_s)
     return shortest
+
+
+def shortest(arm: Any, config: Any, shots: Shots) -> Array:
+    """No way (J,) to an option is shorter."""
+    lean_m, moment_s = float(arm.scale[A.lean]), float(config.cart.moment_s)
+    return shortest_moves(arm, shots.told_m, shots.aim_m, shots.slack_m, lean_m, moment_s)
+
+
+def late_s(arm: Any) -> float:
+    """From setting out to the work no more passes than this: the widest move, and the longest wait."""
+    ranges = arm.scale
+    widest = move_time(arm, 2.0 * ranges[A.carrier] + 0.1, 2.0 * ranges[A.lean], 2.0 * ranges[A.across])
+    return float(widest) + float(arm.early_s)

@@ -20,17 +20,19 @@ from numpy.typing import NDArray
 
 from ..envs.weeding.outcomes import outcomes_of
 from ..envs.weeding.state import T
-from ..envs.weeding.timing import A, G, move_time
+from ..envs.weeding.timing import G
 from .base import Bound, Expectation, Found, check_method, check_start, relative_gap, state_of
-from .gardener import BUCKET_S, WIDTH, Garden, grown, tended
+from .gardener import BUCKET_S, WIDTH, Garden, grown
 from .hopes import hoped_shots
 from .recall import Guide, unguided
 from .remembering import Both, both, leans
+from .sequences import tended
 from .shots import STRAY_M, Shots, any_shots, drawn_shots
-from .strip import Strip, build, shortest_moves
+from .strip import Strip, build, late_s, shortest
 from .timeline import Timeline, priced
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 
 TICK_S = 0.02
 """Grain of time. Half of it is lost on average where a shot and its way take half a second."""
@@ -126,8 +128,10 @@ class WeedingInstance:
             kills, value = (0.0, self._idle) if hope is None else (hope.kills.bound, hope.value.bound)
         else:
             hoped, killed = self.hoped, self.config.weights.killed
-            reached_n = self._grown(hoped, -hoped.advance, hoped.worth, unguided())[1]
-            reached_v = self._grown(hoped, -hoped.cost - killed * hoped.advance, killed * hoped.worth, unguided())[1]
+            reached_n = self._grown(hoped, -hoped.advance, hoped.worth, unguided(), 0.0)[2]
+            reached_v = self._grown(hoped, -hoped.cost - killed * hoped.advance, killed * hoped.worth, unguided(), 0.0)[
+                2
+            ]
             # At the latest it ends when the strip has passed.
             reached_v += self.config.weights.seconds * max(self.least_s, self._until_s)
             kills, value = self._priced(hoped, reached_n, reached_v, seconds)
@@ -295,25 +299,33 @@ class WeedingInstance:
         """Weeds killed and return of the best schedules found that know what each shot does, carried out."""
         killed = self.config.weights.killed
         guides = (unguided(), unguided()) if bounds is None else (bounds.kills.guide, bounds.value.guide)
-        of_kills = self._grown(self.shots, -self.shots.advance, self.shots.worth, guides[0])[0]
-        value = -self.shots.cost - killed * self.shots.advance
-        of_value = self._grown(self.shots, value, killed * self.shots.worth, guides[1])[0]
-        results = [tended(self.core, self.shots, order) for order in (of_kills, of_value)]
+        of_kills = self._grown(self.shots, -self.shots.advance, self.shots.worth, guides[0], 0.0)
+        value, second = -self.shots.cost - killed * self.shots.advance, -self.config.weights.seconds
+        of_value = self._grown(self.shots, value, killed * self.shots.worth, guides[1], second)
+        results = [tended(self.core, self.shots, order, blocks) for order, blocks, _ in (of_kills, of_value)]
         return max(kills for kills, _ in results), max(value for _, value in results)
 
-    def _grown(self, shots: Shots, value: Array, gain: Array, guide: Guide) -> tuple[NDArray[np.int64], float]:
-        """Options of the best sequence found, each worth its ``value`` and its shares of the things' ``gain``."""
+    def _grown(
+        self, shots: Shots, value: Array, gain: Array, guide: Guide, second: float
+    ) -> tuple[Numbers, Numbers, float]:
+        """Options and blocks of the best sequence found, each option worth its ``value`` and its shares of ``gain``."""
         if not len(shots.track):
-            return np.zeros(0, np.int64), 0.0
-        config, scarce_j = self.config, float(self.config.scenario.energy_j)
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), 0.0
+        config, cart, scarce_j = self.config, self.config.cart, float(self.config.scenario.energy_j)
         garden = Garden(
             arm=self.arm,
             place=self.place,
             cart_m=self.cart_m,
             speed_m_s=float(config.speed_m_s),
+            notch_m_s=float(cart.notch_m_s) if config.speed_control else 0.0,
+            speed_range_m_s=(float(cart.speed_range_m_s[0]), float(cart.speed_range_m_s[1])),
+            acceleration_m_s2=float(cart.acceleration_m_s2),
+            # At a steady speed all take the same.
+            second=second if config.speed_control else 0.0,
+            limit_s=float(config.time_limit_s),
             front_m=float(self.arm.front_m),
-            moment_s=float(config.cart.moment_s),
-            until_s=self._until_s,
+            moment_s=float(cart.moment_s),
+            until_m=self.cart_m + self._until_s * float(config.speed_m_s),
             track=shots.track,
             told_m=shots.told_m,
             aim_m=shots.aim_m,
@@ -328,14 +340,7 @@ class WeedingInstance:
             budget_j=scarce_j if scarce_j > 0.0 else math.inf,
             guide=guide,
         )
-        return grown(garden, WIDTH, BUCKET_S)
-
-
-def late_s(arm: Any) -> float:
-    """From setting out to the work no more passes than this: the widest move, and the longest wait."""
-    ranges = arm.scale
-    widest = move_time(arm, 2.0 * ranges[A.carrier] + 0.1, 2.0 * ranges[A.lean], 2.0 * ranges[A.across])
-    return float(widest) + float(arm.early_s)
+        return grown(garden, WIDTH, BUCKET_S * float(config.speed_m_s))
 
 
 def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInstance:
@@ -390,9 +395,3 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> WeedingInsta
         words=words,
         hoped=hoped,
     )
-
-
-def shortest(arm: Any, config: Any, shots: Shots) -> Array:
-    """No way (J,) to an option is shorter."""
-    lean_m, moment_s = float(arm.scale[A.lean]), float(config.cart.moment_s)
-    return shortest_moves(arm, shots.told_m, shots.aim_m, shots.slack_m, lean_m, moment_s)
