@@ -2,7 +2,8 @@
 
 Full knowledge: where every plant stands and what it can take, where every track will have the tool work, the machine's
 own time for every way. At a steady speed a schedule is a path in a time-expanded graph (see ``strip``) in which a weed
-counts once (see ``timeline``). Where the speed is chosen, a schedule takes at least its work and the shortest ways to
+counts once (see ``timeline``); for a tool whose ways take the same at any time, in one that remembers what was served
+(see ``remembering``). Where the speed is chosen, a schedule takes at least its work and the shortest ways to
 its targets, and no less than the strip takes at the highest speed. Left out: the slots, and that a weed that only
 several shots kill takes whole ones. In expectation the same graph is gone through with what shots do on average (see
 ``hopes``).
