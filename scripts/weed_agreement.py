@@ -62,7 +62,13 @@ def reported(model: PerceptionModel, tier: str, strips: Sequence[Strip], draw: i
         named = np.column_stack([exact.species[r, :n], exact.stage[r, :n]]).astype(float)
         found.append(
             strip.seen._replace(
-                place=place, told=place + off, aim=aim, found=np.ones(n), named=named, confirmed_m=np.zeros(n)
+                place=place,
+                told=place + off,
+                aim=aim,
+                found=np.ones(n),
+                named=named,
+                confidence=exact.confidence[r, :n],
+                confirmed_m=np.zeros(n),
             )
         )
     return found
