@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 from ..envs.assembly import CUSTOM
@@ -57,16 +58,20 @@ def make_learned(env: Any, seed: int) -> Policy:
         raise PolicyFileError(f"no learned policy ships for {env_id}: train one with fieldgym train")
     policy = load_for(path, env)
     trained_on = path.stem.split(".", 1)[-1]
-    changes = _changes(env.unwrapped, trained_on if scenario == CUSTOM else scenario)
+    before = getattr(policy, "card", {}).get("changes", {})
+    changes = _changes(env.unwrapped, trained_on if scenario == CUSTOM else scenario, before)
     if trained_on != scenario or changes:
-        told = f"{scenario} with {', '.join(changes)}" if changes else scenario
-        warnings.warn(f"{LEARNED} of {env_id} was trained on {trained_on}, this is {told}", stacklevel=2)
+        was, now = (
+            f"{name} with {', '.join(told)}" if told else name
+            for name, told in ((trained_on, [f"{key} = {value}" for key, value in before.items()]), (scenario, changes))
+        )
+        warnings.warn(f"{LEARNED} of {env_id} was trained on {was}, this is {now}", stacklevel=2)
     return policy
 
 
-def _changes(env: Any, scenario: str) -> list[str]:
-    """The first few numbers of a configuration that are not those of a named scenario, by dotted name."""
-    config, plain_one = env.core.config, env.assembly.configured(scenario)
+def _changes(env: Any, scenario: str, before: Mapping[str, Any]) -> list[str]:
+    """The first few numbers of a configuration that are not those of a named scenario with changes, by dotted name."""
+    config, plain_one = env.core.config, env.assembly.configured(scenario, overrides=before)
     if config == plain_one:
         return []
     here, there = _leaves(plain(config)), _leaves(plain(plain_one))

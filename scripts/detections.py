@@ -108,7 +108,7 @@ DETECTORS: dict[str, Callable[[int], Found]] = {
 
 def _strip(tier: str) -> WeederView:
     """A strip that no benchmark uses, before the cameras."""
-    config = WeedingConfig(scenario=FIELDS[tier])
+    config = WeedingConfig(scenario=FIELDS[tier], eyes="classical", pictures="easy")
     core = laser_core(config, None)
     core.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(weeding.FIRST_SEED)])
     view = WeederView(core)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,19 +34,22 @@ FILE = Path(__file__).resolve().parents[1] / "assets" / SHIPPED
 IDS = ("fieldgym/LaserWeeding-v0", "fieldgym/HoeWeeding-v0")
 MADE_FOR = ((IDS[0], "load-1.25"), (IDS[0], "worth"), (IDS[1], "load-1.25"))
 """Other scenarios have their tables in common with these where only loads, speeds and energy differ."""
+LOOKS = (("learned", "field"), ("classical", "easy"))
+"""Eyes and pictures: the defaults, and what the shipped policies were trained with."""
 DIGITS = 4
 EDGES = (0.0, 0.5, 0.75, 1.0, 1.5, 9.0)
 """Of kills expected, between which beliefs are held to what happened."""
 
 
-def table(env_id: str, scenario: str, strips: int) -> tuple[Outcomes, dict[str, Any]]:
-    """The tables of a task's scenario, and what is written of them."""
-    config = task(env_id).assembly.configured(scenario)
+def table(env_id: str, scenario: str, eyes: str, pictures: str, strips: int) -> tuple[Outcomes, dict[str, Any]]:
+    """The tables of a task's scenario and cameras, and what is written of them."""
+    config = task(env_id).assembly.configured(scenario, overrides={"eyes": eyes, "pictures": pictures})
     tool = outlook(config)
     outcomes = measured(config, tool.perception, tool.process, strips)
     told = {
         "key": key_of(config, tool.perception, tool.process),
-        "made_for": f"{env_id}, {scenario}, model perception, level ground, drives that do not err",
+        "made_for": f"{env_id}, {scenario}, model perception, {eyes} eyes, {pictures} pictures, level ground, "
+        "drives that do not err",
         "strips": strips,
         "seeds": [OUTCOMES.first, OUTCOMES.first + strips - 1],
     }
@@ -73,8 +76,8 @@ class Played(NamedTuple):
                         yield f"{STAGES[kind % 3]} {SPECIES[kind // 3]}, mode {mode}, {low:g} to {high:g}", rows
 
 
-def played(env_id: str, seeds: Sequence[int]) -> Played:
-    """What the planner believed and did on seeds of the headline scenario."""
+def played(env_id: str, seeds: Sequence[int], **settings: Any) -> Played:
+    """What the planner believed and did on seeds of the headline scenario, in an environment with these settings."""
     n, found = len(seeds), []
     env: Any = gym.make_vec(
         env_id,
@@ -83,6 +86,7 @@ def played(env_id: str, seeds: Sequence[int]) -> Played:
         autoreset_mode=gym.vector.AutoresetMode.DISABLED,
         scenario=task(env_id).headline,
         perception="model",
+        **settings,
     )
     policy, slots, worlds = RecedingHorizon.make(env, 0), env.unwrapped.core.config.slots, np.arange(n)
     for decision in batch_decisions(env, policy, env.reset(seed=list(seeds))[0]):
@@ -136,10 +140,10 @@ def main() -> None:
             check(env_id, options.check, options.plot)
         return
     entries = []
-    for env_id, scenario in MADE_FOR:
-        outcomes, entry = table(env_id, scenario, options.strips)
+    for (env_id, scenario), (eyes, pictures) in product(MADE_FOR, LOOKS):
+        outcomes, entry = table(env_id, scenario, eyes, pictures, options.strips)
         entries.append(entry)
-        print(f"{env_id}, {scenario}: {outcomes.own_count.sum():.0f} reports")
+        print(f"{env_id}, {scenario}, {eyes} eyes, {pictures} pictures: {outcomes.own_count.sum():.0f} reports")
         kinds = [f"{stage} {species}" for species in SPECIES for stage in STAGES]
         for kind, name in enumerate(kinds):
             share = outcomes.own_count[kind] / outcomes.own_count[kind].sum()

@@ -13,12 +13,13 @@ import pytest
 from fieldgym.envs.task import tasks
 from fieldgym.testing import check_batch
 
+QUICK = {"eyes": "classical", "pictures": "easy"}
 SHORT: dict[str, dict[str, Any]] = {
     "fieldgym/SafflowerPicking-v0": {"scenario": "pots", "overrides": {"scenario.plants": 2}},
     "fieldgym/TrayTransplanting-v0": {"scenario": "fill", "overrides": {"scenario.time_limit_s": 15.0}},
-    "fieldgym/LaserWeeding-v0": {"scenario": "load-1.25", "overrides": {"scenario.strip_m": 1.5}},
-    "fieldgym/LaserWeedingSpeed-v0": {"scenario": "load-1.25", "overrides": {"scenario.strip_m": 1.5}},
-    "fieldgym/HoeWeeding-v0": {"scenario": "load-1.25", "overrides": {"scenario.strip_m": 1.5}},
+    "fieldgym/LaserWeeding-v0": {"scenario": "load-1.25", **QUICK, "overrides": {"scenario.strip_m": 1.5}},
+    "fieldgym/LaserWeedingSpeed-v0": {"scenario": "load-1.25", **QUICK, "overrides": {"scenario.strip_m": 1.5}},
+    "fieldgym/HoeWeeding-v0": {"scenario": "load-1.25", **QUICK, "overrides": {"scenario.strip_m": 1.5}},
     "fieldgym/ProduceSorting-v0": {"scenario": "load-1.25", "overrides": {"scenario.stream_s": 5.0}},
 }
 """Episodes that end within the tests' decisions."""

@@ -33,7 +33,7 @@ def toy(seed: int, tracks: int) -> WeedingCore:
     config = WeedingConfig()
     scenario = replace(SCENARIOS["load-1.6"], strip_m=0.2, max_weeds=20, offered_load=2.0)
     config = replace(config, scenario=scenario, cart=replace(config.cart, moment_s=0.5))
-    core = laser_core(config, PerceptionModel.measured(), 1)
+    core = laser_core(config, PerceptionModel.measured("classical", "easy"), 1)
     for number in range(400):
         core.reset_rows(np.array([0]), [np.random.default_rng(1000 * seed + number)])
         if int(core.state.track_count[0]) == tracks and core.state.weeds[0]:
@@ -94,7 +94,7 @@ def test_trying_everything_finds_no_larger_mean_and_nearly_always_one_as_large()
 
 def test_a_shot_s_mean_is_what_the_tables_say_and_a_track_is_served_once():
     core = toy(3, 3)
-    tables = outcomes_of(core.config, PerceptionModel.measured(), core.process)
+    tables = outcomes_of(core.config, PerceptionModel.measured("classical", "easy"), core.process)
     shots = hoped_shots(core, 0, tables)
     for track in range(3):
         own = np.flatnonzero(shots.track == track)

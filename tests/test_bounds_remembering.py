@@ -25,7 +25,7 @@ def test_nothing_on_toys_is_better_than_the_hoe_s_bounds_and_nearly_always_somet
     config = HoeWeedingConfig()
     scenario = replace(SCENARIOS["load-1.6"], strip_m=0.15, max_weeds=20, offered_load=3.0, cluster_sigma_m=0.03)
     config = replace(config, scenario=scenario, cart=replace(config.cart, moment_s=0.2, start_m=0.2))
-    core, number, toys, touched = hoe_core(config, PerceptionModel.measured(), 1), 0, 0, 0
+    core, number, toys, touched = hoe_core(config, PerceptionModel.measured("classical", "easy"), 1), 0, 0, 0
     while toys < TOYS:
         core.reset_rows(np.array([0]), [np.random.default_rng(5000 + number)])
         number += 1

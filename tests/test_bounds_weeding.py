@@ -35,7 +35,7 @@ def toy(seed: int, tracks: int, *, speed_control: bool = False, load: float = 1.
     cart = replace(config.cart, moment_s=5.0 if speed_control else 1.2, notch_m_s=0.06)
     config = replace(config, scenario=scenario, cart=cart, speed_control=speed_control)
     for number in range(400):
-        core = laser_core(config, PerceptionModel.measured(), 1)
+        core = laser_core(config, PerceptionModel.measured("classical", "easy"), 1)
         core.reset_rows(np.array([0]), [np.random.default_rng(1000 * seed + number)])
         if int(core.state.track_count[0]) == tracks and core.state.weeds[0] >= tracks:
             return core
@@ -127,7 +127,8 @@ def test_no_policy_beats_the_bound_in_any_field(env_id, scenario, no_policy_beat
 
 
 def test_a_schedule_that_knows_everything_comes_near_the_bound():
-    found = [bounds.instance(LASER, seed, scenario="load-1.25").bound() for seed in range(3)]
+    seen: dict[str, Any] = {"scenario": "load-1.25", "eyes": "classical", "pictures": "easy"}
+    found = [bounds.instance(LASER, seed, **seen).bound() for seed in range(3)]
     assert all(0.0 <= bound.gap < 0.08 for bound in found)
     assert all(0.0 < bound.net_rate < 1.0 for bound in found)
 

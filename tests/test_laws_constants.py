@@ -60,7 +60,11 @@ def lines() -> Iterator[str]:
         for name, value in asdict(settings).items():
             yield f"{type(settings).__name__} {name} = {told(value)}"
     eyes: dict[str, Any] = {f"safflower {fit}": PickerEyes.measured(fit) for fit in ("pots", "row")}
-    eyes |= {"transplanting": TrayEyes.measured(), "sorting": SorterEyes.measured(), "weeding": WeederEyes.measured()}
+    eyes |= {
+        "transplanting": TrayEyes.measured(),
+        "sorting": SorterEyes.measured(),
+        "weeding": WeederEyes.measured("classical", "easy"),
+    }
     for name, model in eyes.items():
         for row in rows(model):
             yield f"camera {name} {row.name} = {told(row.default)}"

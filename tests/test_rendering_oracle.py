@@ -61,7 +61,7 @@ def test_the_tray_cameras_find_the_same(side):
 
 def test_the_weeders_front_camera_finds_the_same():
     """With soil, shade and noise: the same plants, for hardly a pixel is another one."""
-    weeder = env("LaserWeeding", scenario="dense")
+    weeder = env("LaserWeeding", scenario="dense", eyes="classical", pictures="easy")
     scene = weeder.view.camera_scene()
     weeder.view.show_strip(scene)
     frames = look_both(lambda: scene.look_front(0.45))

@@ -47,7 +47,8 @@ def played(path: Path, first: int, last: int) -> Scores:
         assert policy.card == card
         return policy
 
-    return evaluate(learned, card["env_id"], range(first, last + 1), scenario=card["scenario"])
+    settings = {"scenario": card["scenario"], "overrides": card.get("changes", {})}
+    return evaluate(learned, card["env_id"], range(first, last + 1), **settings)
 
 
 def test_every_environment_ships_a_policy():

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import fieldgym  # noqa: F401
+from fieldgym.agents.policies.weeding_outlook import outlook
 from fieldgym.envs.weeding.eyes import ClassicalEyes, LearnedEyes, eyes_of, net_of, smaller
-from fieldgym.envs.weeding.perception import PerceptionModel
+from fieldgym.envs.weeding.perception import PerceptionModel, uncorrected
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.scene import WeederScene
 from fieldgym.envs.weeding.view import FrontCamera
@@ -171,7 +172,7 @@ def test_a_smaller_frame_looks_at_the_same_ground():
 
 @pytest.fixture(scope="module")
 def scene():
-    config = WeedingConfig(eyes="learned")
+    config = WeedingConfig(pictures="easy")
     made = WeederScene(config, config.parameters)
     yield made
     made.close()
@@ -245,12 +246,19 @@ def test_the_odometry_learns_from_what_the_tool_camera_sees():
 
 
 def test_eyes_are_chosen_by_keyword():
-    env: Any = gym.make("fieldgym/LaserWeeding-v0", backend="analytic", perception="camera", eyes="learned").unwrapped
-    assert env.core.config.eyes == "learned" and type(env.view.eyes) is LearnedEyes
+    env: Any = gym.make("fieldgym/LaserWeeding-v0", backend="analytic", perception="camera", eyes="classical").unwrapped
+    assert env.core.config.eyes == "classical" and type(env.view.eyes) is ClassicalEyes
     env.close()
-    env = gym.make("fieldgym/LaserWeeding-v0", backend="analytic", eyes="learned").unwrapped
-    assert env.core.perception == PerceptionModel.measured("learned") != PerceptionModel.measured()
+    env = gym.make("fieldgym/LaserWeeding-v0", backend="analytic", perception="camera").unwrapped
+    assert env.core.config.pictures == "field" and type(env.view.eyes) is LearnedEyes
     env.close()
+    fits = [PerceptionModel.measured(e, p) for e in ("classical", "learned") for p in ("easy", "field")]
+    assert len(set(fits)) == 4
+    for env_id, fit in (("fieldgym/LaserWeeding-v0", fits[3]), ("fieldgym/HoeWeeding-v0", uncorrected(fits[3]))):
+        env = gym.make(env_id, backend="analytic").unwrapped
+        assert env.core.perception == fit == outlook(env.core.config).perception
+        env = gym.make(env_id, backend="analytic", eyes="classical").unwrapped
+        assert env.core.perception == outlook(env.core.config).perception != fit
     with pytest.raises(ValueError, match=r"perception = 'model' has no fit to eyes = 'learned' and pictures = 'odd'"):
         PerceptionModel.measured("learned", "odd")
     with pytest.raises(ValueError, match=r"eyes.*'classical' or 'learned'"):

@@ -241,7 +241,7 @@ def test_backends_agree_on_ridges(env_id):
 
 
 def test_the_front_camera_knows_the_crop_of_both_rows():
-    config = WeedingConfig(scenario=RIDGED)
+    config = WeedingConfig(scenario=RIDGED, pictures="easy")
     scene = WeederScene(config, config.parameters)
     crop = np.array([[0.16 * i, across] for i in range(12) for across in (-CREST_M, CREST_M)])
     scene.load(np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), crop, 3.5e-6)

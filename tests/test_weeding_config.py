@@ -69,7 +69,7 @@ def test_any_number_is_refused_in_one_line_or_gives_observations_inside_their_sp
             assert "\n" not in str(error) and error.path.split("[")[0] in names, (name, value, str(error))
             refused += 1
             continue
-        core = build(config, PerceptionModel.measured(), 2)
+        core = build(config, PerceptionModel.measured("classical", "easy"), 2)
         core.reset_rows(np.arange(2), [np.random.default_rng(seed) for seed in range(2)])
         rng = np.random.default_rng(0)
         for _ in range(12):

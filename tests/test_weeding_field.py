@@ -15,7 +15,8 @@ from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
 
 MAKE = {"laser": (laser_core, WeedingConfig), "hoe": (hoe_core, HoeWeedingConfig)}
-CAMERAS = {"laser": PerceptionModel.measured(), "hoe": uncorrected(PerceptionModel.measured())}
+EASY = PerceptionModel.measured("classical", "easy")
+CAMERAS = {"laser": EASY, "hoe": uncorrected(EASY)}
 
 
 def core_of(tool, worlds=1, perception=None, **changes):

@@ -22,7 +22,7 @@ def test_the_gate_is_a_circle_and_what_lies_on_it_is_inside():
 
 
 def test_a_track_beyond_the_gate_is_worked_on_where_it_is_and_one_within_where_the_plant_is_seen():
-    model = replace(PerceptionModel.measured(), drift_share=0.03)
+    model = replace(PerceptionModel.measured("classical", "easy"), drift_share=0.03)
     law, cameras = Strip.of(SCENARIO), Cameras.of(SCENARIO, CartConfig(), model)
     lengths = (*law.random_numbers, *cameras.random_numbers(SCENARIO.max_weeds))
     blocks = draw_blocks([np.random.default_rng(seed) for seed in range(40)], lengths)

@@ -46,6 +46,8 @@ from fieldgym.envs.weeding.tools.laser.aim import poses
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
 
+EASY = PerceptionModel.measured("classical", "easy")
+
 
 def on(task: Any = WeedingConfig, scenario: str = "load-1.0", **ground: Any) -> Any:
     """A task on some ground."""
@@ -202,8 +204,8 @@ def test_drift_is_the_ground_s_where_it_says_one_the_same_for_every_camera():
     ground = GroundConfig(drift_share=0.02)
     looks = np.random.default_rng(3).random(20_000)
     assert np.std([drift_of(ground, look) for look in looks]) == pytest.approx(0.02, rel=0.03)
-    exact = replace(PerceptionModel.measured(), drift_share=0.3)
-    found = [drawn(on(drift_share=0.02), 4, model).state.track_report for model in (exact, PerceptionModel.measured())]
+    exact = replace(EASY, drift_share=0.3)
+    found = [drawn(on(drift_share=0.02), 4, model).state.track_report for model in (exact, EASY)]
     assert np.array_equal(*found)
 
 
@@ -307,7 +309,7 @@ def test_pybullet_puts_cart_platform_and_beam_where_the_rules_say():
 
 @pytest.mark.parametrize("suffix", [".csv", ".geojson"])
 def test_a_field_on_rough_ground_goes_through_a_file_and_plays_the_same(tmp_path, suffix):
-    core = drawn(on(iso_class="D", slip_share=0.02), 1, PerceptionModel.measured())
+    core = drawn(on(iso_class="D", slip_share=0.02), 1, EASY)
     batch = core.draw([np.random.default_rng(5)])
     field = core.unstack(batch)[0]
     write_field(field, tmp_path / f"strip{suffix}")
@@ -320,7 +322,7 @@ def test_a_field_on_rough_ground_goes_through_a_file_and_plays_the_same(tmp_path
 
 
 def test_a_profile_is_drawn_where_it_is_needed_and_refused_where_the_ground_is_level():
-    rough, level = (drawn(on(**ground), 1, PerceptionModel.measured()) for ground in ({"iso_class": "D"}, {}))
+    rough, level = (drawn(on(**ground), 1, EASY) for ground in ({"iso_class": "D"}, {}))
     field = rough.unstack(rough.draw([np.random.default_rng(5)]))[0]
     bare = replace(field, profile=None)
     assert rough.complete(bare, np.random.default_rng(9)).profile.left_m.tobytes() == field.profile.left_m.tobytes()
@@ -344,7 +346,7 @@ def test_no_bound_is_claimed_where_the_ground_moves_the_tool():
 
 def test_the_odometry_errs_for_as_much_of_its_way_as_the_tool_comes_later():
     config = on(drift_share=0.03, slip_share=0.02, tool_camera=False)
-    core = drawn(config, perception=PerceptionModel.measured())
+    core = drawn(config, perception=EASY)
     surface, shape, shifts = core.state.surface[0], core.tables.shape, []
     for plan in shots(core):
         if plan.kind[0] >= 3:

@@ -199,7 +199,8 @@ def test_a_planner_reckons_with_the_cameras_that_there_are():
         env: Any = gym.make("fieldgym/HoeWeeding-v0", scenario="load-1.25", backend="analytic", **settings)
         return RecedingHorizon.make(env, 0)._tables
 
-    seen, perfect = tables(perception="model"), tables(perception="perfect")
+    seen = tables(perception="model", eyes="classical", pictures="easy")
+    perfect = tables(perception="perfect")
     assert perfect.own[1, 5, 5, 2] > seen.own[1, 5, 5, 2]
     assert tables(perception="perfect") is perfect
 
@@ -232,7 +233,7 @@ alone and have just come in are more often false than the tables know."""
 @pytest.mark.parametrize("env_id", IDS)
 def test_beliefs_hold_within_two_points_in_all_classes_but_one(env_id):
     """Classes by kind, mode and how many kills were expected; what a class of n shots cannot tell counts for it."""
-    seen, off = played(env_id, SHOWN.take(250, 500)), set()
+    seen, off = played(env_id, SHOWN.take(250, 500), eyes="classical", pictures="easy"), set()
     for name, rows in seen.classes():
         error = seen.killed[rows] - seen.believed[rows]
         chance = 2.5 * error.std() / np.sqrt(len(error))

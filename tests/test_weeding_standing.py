@@ -16,7 +16,8 @@ from fieldgym.envs.weeding.tools.laser.scene import WeederScene
 from fieldgym.perception.weeds import detect
 
 CONFIG = replace(
-    WeedingConfig(), scenario=replace(SCENARIOS["load-1.0"], ground=GroundConfig(iso_class="soil", wander_m=0.0143))
+    WeedingConfig(pictures="easy"),
+    scenario=replace(SCENARIOS["load-1.0"], ground=GroundConfig(iso_class="soil", wander_m=0.0143)),
 )
 SHAPE = shape_of(CONFIG)
 CARTS = (0.4, 2.3, 5.1)

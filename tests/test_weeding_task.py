@@ -268,7 +268,7 @@ def test_fields_have_the_density_and_the_clumping_that_their_tier_says(tier):
 
 def test_the_field_is_the_same_whatever_the_perception_and_the_worlds_beside():
     first = laser_core(WeedingConfig(), PerceptionModel.perfect())
-    other = laser_core(WeedingConfig(), PerceptionModel.measured(), 3)
+    other = laser_core(WeedingConfig(), PerceptionModel.measured("classical", "easy"), 3)
     first.reset_rows(np.zeros(1, np.int64), [np.random.default_rng(7)])
     other.reset_rows(np.arange(3), [np.random.default_rng(seed) for seed in (5, 7, 9)])
     assert np.array_equal(first.state.plant[0], other.state.plant[1])

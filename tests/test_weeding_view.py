@@ -26,13 +26,14 @@ from fieldgym.perception.weeds import detect
 from fieldgym.rendering.renderer import GroundLook, level_colour
 
 SCENARIO = SCENARIOS["load-1.0"]
+EASY = PerceptionModel.measured("classical", "easy")
 STRIP = 7.5e-6
 """Look of the strip whose number is 7."""
 
 
 @pytest.fixture(scope="module")
 def scene():
-    config = WeedingConfig()
+    config = WeedingConfig(pictures="easy")
     made = WeederScene(config, config.parameters)
     yield made
     made.close()
@@ -118,7 +119,12 @@ def test_the_tool_camera_finds_the_stem_within_its_gate(scene):
 @pytest.fixture(scope="module")
 def env():
     made = gym.make(
-        "fieldgym/LaserWeeding-v0", backend="analytic", perception="camera", render_mode="rgb_array"
+        "fieldgym/LaserWeeding-v0",
+        backend="analytic",
+        perception="camera",
+        eyes="classical",
+        pictures="easy",
+        render_mode="rgb_array",
     ).unwrapped
     yield made
     made.close()
@@ -188,6 +194,7 @@ def test_pictures_follow_the_blade_into_the_ground_and_show_what_it_did(monkeypa
         "fieldgym/HoeWeeding-v0",
         backend="analytic",
         perception="perfect",
+        pictures="easy",
         overrides={"scenario.strip_m": 2.0},
         render_mode="rgb_array",
     )
@@ -250,7 +257,7 @@ def test_perfect_perception_reports_every_weed_where_and_what_it_is():
 
 
 def test_the_model_finds_as_many_weeds_as_its_chances_say():
-    model = replace(PerceptionModel.measured(), false_rates=(0.0, 0.0, 0.0))
+    model = replace(EASY, false_rates=(0.0, 0.0, 0.0))
     plants, tracks = drawn(model)
     chance = np.zeros(plants.exists.shape)
     for row, there in enumerate(plants.exists):
@@ -267,7 +274,7 @@ def test_the_model_finds_as_many_weeds_as_its_chances_say():
 
 
 def test_false_tracks_come_at_their_rates():
-    model = replace(PerceptionModel.measured(), recall=((0.0,) * 3,) * 2, false_rates=(0.05, 0.02, 1.0))
+    model = replace(EASY, recall=((0.0,) * 3,) * 2, false_rates=(0.05, 0.02, 1.0))
     _, tracks = drawn(model, 400)
     area = SCENARIO.strip_m * SCENARIO.band_m
     mean = 0.05 * SCENARIO.density_per_m2 * area + 0.02 * (SCENARIO.crops - 3) + area
@@ -276,7 +283,7 @@ def test_false_tracks_come_at_their_rates():
 
 
 def test_reports_lie_in_order_within_the_band():
-    _, tracks = drawn(PerceptionModel.measured(), 50)
+    _, tracks = drawn(EASY, 50)
     for row in range(50):
         n = tracks.count[row]
         assert np.all(np.diff(tracks.report[row, :n, 0]) >= 0.0)
@@ -336,7 +343,7 @@ def test_kept_sightings_keep_the_distribution_of_the_errors_and_are_never_none()
 
 
 def test_the_shipped_fit_names_what_it_was_measured_on():
-    model = PerceptionModel.measured()
+    model = EASY
     assert len(model.sightings) == 18 and len(model.false_sightings) == 3
     for row in model.sighting_table.rows:
         # A track is a weed's when its place or its aim is near it.

@@ -112,7 +112,7 @@ def _laser(config: WeedingConfig) -> Outlook:
         label=numbers.response.labels(),
         harm=harm,
         process=process,
-        perception=PerceptionModel.measured(),
+        perception=PerceptionModel.measured(config.eyes, config.pictures),
     )
 
 
@@ -135,5 +135,5 @@ def _hoe(config: HoeWeedingConfig) -> Outlook:
         label=numbers.response.labels(),
         harm=harm,
         process=process,
-        perception=uncorrected(PerceptionModel.measured()),
+        perception=uncorrected(PerceptionModel.measured(config.eyes, config.pictures)),
     )

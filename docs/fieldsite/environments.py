@@ -275,7 +275,7 @@ def _perception(spec: TaskSpec) -> str:
     name = next(name for name in ("safflower", "transplanting", "weeding", "sorting") if name in _place(spec))
     return f"""`camera` renders the machine's pictures and finds the targets in them; `model` draws what such a camera
 reports from statistics that `scripts/measure_camera.py {name}` measured on rendered pictures and left in
-`assets/perception/{name}.json`; `perfect` tells the truth. Those of the headline scenario:
+`assets/perception/`; `perfect` tells the truth. Those of the headline scenario:
 
 {table(heading, lines)}"""
 

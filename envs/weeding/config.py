@@ -266,10 +266,10 @@ class FieldTask(Config):
     """What the named reward terms are worth."""
     slots: int = num(16, 1, 64, "")
     """Candidates that a policy is shown at once."""
-    pictures: Literal["easy", "field"] = choice("easy", ("easy", "field"))
+    pictures: Literal["easy", "field"] = choice("field", ("easy", "field"))
     """What the cameras' pictures show: plants of one shape and colour a kind on even ground, or plants, light and soil
     that differ."""
-    eyes: Literal["classical", "learned"] = choice("classical", ("classical", "learned"))
+    eyes: Literal["classical", "learned"] = choice("learned", ("classical", "learned"))
     """What the cameras' pictures are looked at with: colour and shapes, or a network for each camera."""
     speed_control: bool = flag(False)
     """Whether the action includes the cart's speed."""

@@ -142,7 +142,7 @@ class PerceptionModel(Config):
 
     @classmethod
     @lru_cache(maxsize=4)
-    def measured(cls, eyes: str = "classical", pictures: str = "easy") -> PerceptionModel:
+    def measured(cls, eyes: str, pictures: str) -> PerceptionModel:
         """The fit to rendered images that ships with the package [identified], see ``FieldTask.eyes``.
 
         Raises:

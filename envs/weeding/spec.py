@@ -30,6 +30,12 @@ LASER_WEEDING = TaskSpec(
     best={"": "receding-horizon"},
     ordering=("battery", "worth"),
     planners=("receding-horizon",),
+    sights=(
+        ({}, 200),
+        ({"eyes": "classical"}, 60),
+        ({"pictures": "easy"}, 200),
+        ({"eyes": "classical", "pictures": "easy"}, 60),
+    ),
 )
 
 LASER_WEEDING_SPEED = TaskSpec(
@@ -54,6 +60,7 @@ LASER_WEEDING_SPEED = TaskSpec(
     learning="fieldgym.agents.learning:settings/LaserWeedingSpeed-v0.yaml",
     best={"": "hold-backlog", "demand-0.90": "hold-backlog-0.65", "demand-0.60": "hold-backlog-0.65"},
     planners=("hold-backlog", "hold-backlog-0.65"),  # the others' shots are planned too, their speed is constant
+    sights=(({}, 24),),  # the laser's cameras, which play many more above
 )
 
 HOE_WEEDING = TaskSpec(
@@ -70,4 +77,5 @@ HOE_WEEDING = TaskSpec(
     learning="fieldgym.agents.learning:settings/HoeWeeding-v0.yaml",
     best={"": "receding-horizon"},
     planners=("receding-horizon",),
+    sights=(({}, 48),),
 )

@@ -103,9 +103,10 @@ class LaserWeedingEnv(TaskEnv[WeederPlan, WeederOutcome]):
             on such images, ``"perfect"`` reports every weed where it is. Default: camera with PyBullet, model with the
             analytic backend.
         slots: candidates K shown at once.
-        pictures: ``"easy"`` shows plants of one shape and colour a kind on even ground, ``"field"`` plants, light and
-            soil that differ.
-        eyes: ``"classical"`` finds plants by colour and shape, ``"learned"`` by a network for each camera.
+        pictures: ``"field"`` (as without a word) shows plants, light and soil that differ, ``"easy"`` plants of one
+            shape and colour a kind on even ground.
+        eyes: ``"learned"`` (as without a word) finds plants by a network for each camera, ``"classical"`` by colour and
+            shape.
         config: every number of the task; ``scenario`` and ``slots`` replace its own.
         render_mode: ``"rgb_array"``, ``"human"`` or None.
 
