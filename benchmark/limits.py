@@ -29,7 +29,8 @@ def bound(episode: Episode) -> Record:
         ``gap`` (of the solver, None without one), as ``bounds.Bound`` has them, and ``curve``, pairs of a net
         rate and the seconds below which no cycle time with at least that net rate can fall, by rising net rate; where
         it is known also ``expected`` with ``net_rate``, ``episode_return``, ``method`` and ``estimated``, as
-        ``bounds.Expectation`` has them; ``wall_s``.
+        ``bounds.Expectation`` has them, and ``found`` with ``net_rate`` and ``episode_return``, as ``bounds.Found`` has
+        them; ``wall_s``.
     """
     from ..bounds import instance
 
@@ -60,6 +61,11 @@ def bound(episode: Episode) -> Record:
             "episode_return": plain_number(found.expected.episode_return),
             "method": found.expected.method,
             "estimated": found.expected.estimated,
+        }
+    if found.found is not None:
+        result["found"] = {
+            "net_rate": plain_number(found.found.net_rate),
+            "episode_return": plain_number(found.found.episode_return),
         }
     return {"bound": result, "wall_s": time.perf_counter() - started}
 

@@ -130,8 +130,14 @@ _MAY = {
     "curve": _NUMBERS,
     **dict.fromkeys(("last_s", "decision_p95_ms", "decision_before_last_s"), _NUMBER),
 }
-_BOUND_MAY = {"method": _TEXT, "proven": _FLAG, "gap": _KNOWN, "cycle_time_s": _KNOWN, "expected": _OBJECT}
-_EXPECTED = {"net_rate": _KNOWN, "episode_return": _KNOWN, "method": _TEXT, "estimated": _FLAG}
+_BOUND_MAY = {
+    "method": _TEXT,
+    "proven": _FLAG,
+    **dict.fromkeys(("gap", "cycle_time_s"), _KNOWN),
+    **dict.fromkeys(("expected", "found"), _OBJECT),
+}
+_FOUND = {"net_rate": _KNOWN, "episode_return": _KNOWN}
+_EXPECTED = {**_FOUND, "method": _TEXT, "estimated": _FLAG}
 
 
 def _fault(found: Any, bounds: bool) -> str:
@@ -151,7 +157,9 @@ def _fault(found: Any, bounds: bool) -> str:
         values = found.get("bound") or {}
         fault = _first(found, _BOUND, True) or _first(values, _BOUND_VALUES, True)
         fault = fault or _first(values, _BOUND_MAY, False)
-        return fault or (_first(values["expected"], _EXPECTED, True) if "expected" in values else "")
+        for name, kinds in (("expected", _EXPECTED), ("found", _FOUND)):
+            fault = fault or (_first(values[name], kinds, True) if name in values else "")
+        return fault
     return _first(found, _EPISODE, True) or _first(found, _MAY, False) or _inside(found)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from fieldgym import bounds
-from fieldgym.benchmark import limits, store
+from fieldgym.benchmark import limits, schema, store
 from fieldgym.benchmark.episode import run_episode
 from fieldgym.benchmark.record import Record, identity, untimed
 from fieldgym.benchmark.runner import run_suite
@@ -36,6 +36,11 @@ def test_a_bound_is_a_record_that_repeats_and_says_how_it_was_found():
     told = record["bound"]
     assert (told["net_rate"], told["episode_return"]) == (found.net_rate, found.episode_return)
     assert (told["cycle_time_s"], told["proven"], told["method"]) == (found.cycle_time_s, found.proven, found.method)
+    assert found.found is not None and told["found"]["net_rate"] == found.found.net_rate <= found.net_rate + 1e-9
+    assert told["found"]["episode_return"] == found.found.episode_return <= found.episode_return + 1e-9
+    with pytest.raises(ValueError, match="episode_return"):
+        cut = {**record, "bound": {**told, "found": {"net_rate": 0.5}}}
+        schema.parsed(json.dumps(cut).encode(), bounds=True)
     rates, cycles = zip(*told["curve"], strict=True)
     assert list(rates) == sorted(rates) and list(cycles) == sorted(cycles)
     assert 0.99 * told["cycle_time_s"] <= cycles[-1] <= told["cycle_time_s"]
