@@ -22,11 +22,13 @@ class CellLook(NamedTuple):
     Attributes:
         middle: leaf area near a cell's middle over the area of the disc that was looked at, in [0, 1].
         area: leaf area over the whole cell, in squares of the nursery pitch.
+        height: of the seedling over its stem, in nursery pitches; minus infinity where nothing grows near the middle.
         yellow: share of that area whose leaves are yellow.
     """
 
     middle: Array
     area: Array
+    height: Array
     yellow: Array
 
 
@@ -41,6 +43,11 @@ class TraySettings:
         middle_radius: of the disc about a cell's middle, in nursery pitches.
         empty_middle: below this share of leaf in the disc the cell is empty.
         poor_area: below this leaf area the seedling is stunted.
+        height_radius: of the disc about a cell's middle in which its own leaves reach highest, in nursery pitches.
+        height_share: so many of the leaf's pixels in that disc lie below the height: tips of neighbours do not count.
+        stem_m: height over the tray below which seedlings of all sizes are stem [identified: it makes the heights of
+            one size alike in all trays].
+        poor_height: below this height over the stem the seedling is stunted, whatever hangs over it.
         yellow_share: above this share of yellow leaf it is chlorotic.
     """
 
@@ -49,7 +56,11 @@ class TraySettings:
     yellow_hue: float = 37.0
     middle_radius: float = 0.16
     empty_middle: float = 0.08
-    poor_area: float = 0.19
+    poor_area: float = 0.185
+    height_radius: float = 0.35
+    height_share: float = 0.95
+    stem_m: float = 0.018
+    poor_height: float = 0.465
     yellow_share: float = 0.30
 
 
@@ -104,20 +115,33 @@ def look_at_cells(frame: Frame, context: Cells, settings: TraySettings | None = 
     yellow = hsv[rows, columns, 0] < settings.yellow_hue
     offset = place[None, :2] - cells[:, :2, None]
     over = np.abs(offset).max(axis=1) <= 0.5 * pitch_m
+    square = (offset * offset).sum(axis=1)
     radius = settings.middle_radius * nursery_pitch_m
-    near = (offset * offset).sum(axis=1) <= radius * radius
+    near = square <= radius * radius
+    around = square <= (settings.height_radius * nursery_pitch_m) ** 2
+    height_m = np.array([_height_m(place[2, own], settings.height_share) for own in around]) - cells[:, 2]
     area = over @ pixel_m2
     return CellLook(
         middle=near @ pixel_m2 / (np.pi * radius * radius),
         area=area / nursery_pitch_m**2,
+        height=(height_m - settings.stem_m) / nursery_pitch_m,
         yellow=over @ (pixel_m2 * yellow) / np.maximum(area, 1e-12),
     )
+
+
+def _height_m(height_m: Array, share: float) -> float:
+    """Height below which that share of leaf pixels lies; minus infinity of none."""
+    if len(height_m) == 0:
+        return -np.inf
+    place = int(share * len(height_m))
+    return float(np.partition(height_m, place)[place])
 
 
 def decide(look: CellLook, settings: TraySettings | None = None) -> NDArray[np.int8]:
     """Reports (n,): ``EMPTY``, ``HEALTHY`` or ``POOR``."""
     settings = settings or TraySettings()
-    poor = (look.area < settings.poor_area) | (look.yellow > settings.yellow_share)
+    stunted = (look.area < settings.poor_area) | (look.height < settings.poor_height)
+    poor = stunted | (look.yellow > settings.yellow_share)
     return np.where(look.middle < settings.empty_middle, EMPTY, np.where(poor, POOR, HEALTHY)).astype(np.int8)
 
 

@@ -137,19 +137,21 @@ def test_what_a_leaf_leaves_of_a_tuft_says_where_the_whole_is(leaf):
 
 
 @pytest.mark.parametrize(
-    ("middle", "area", "yellow", "report"),
+    ("middle", "area", "height", "yellow", "report"),
     [
-        (0.079, 0.5, 0.0, trays.EMPTY),
-        (0.081, 0.5, 0.0, trays.HEALTHY),
-        (0.5, 0.189, 0.0, trays.POOR),
-        (0.5, 0.191, 0.0, trays.HEALTHY),
-        (0.5, 0.5, 0.299, trays.HEALTHY),
-        (0.5, 0.5, 0.301, trays.POOR),
-        (0.079, 0.1, 0.9, trays.EMPTY),
+        (0.079, 0.5, 0.9, 0.0, trays.EMPTY),
+        (0.081, 0.5, 0.9, 0.0, trays.HEALTHY),
+        (0.5, 0.184, 0.9, 0.0, trays.POOR),
+        (0.5, 0.186, 0.9, 0.0, trays.HEALTHY),
+        (0.5, 0.5, 0.464, 0.0, trays.POOR),
+        (0.5, 0.5, 0.466, 0.0, trays.HEALTHY),
+        (0.5, 0.5, 0.9, 0.299, trays.HEALTHY),
+        (0.5, 0.5, 0.9, 0.301, trays.POOR),
+        (0.079, 0.1, 0.1, 0.9, trays.EMPTY),
     ],
 )
-def test_cells_are_told_apart_by_three_thresholds(middle, area, yellow, report):
-    look = trays.CellLook(np.array([middle]), np.array([area]), np.array([yellow]))
+def test_cells_are_told_apart_by_four_thresholds(middle, area, height, yellow, report):
+    look = trays.CellLook(*(np.array([value]) for value in (middle, area, height, yellow)))
     assert trays.decide(look).tolist() == [report]
 
 
@@ -190,6 +192,21 @@ def test_leaves_count_where_they_are():
     centred = trays.look_at_cells(frame(square(plain((90, 80, 70)), (60, 160, 50), 55, 75, 11), 0.9), row())
     near = sum((y - 5) ** 2 + (x - 5) ** 2 <= 6.4**2 for y, x in leaf)
     assert centred.middle == pytest.approx([near / (np.pi * 6.4**2), 0.0], abs=1e-6)
+
+
+def test_a_seedling_is_as_high_as_its_own_leaves():
+    """Nineteen of twenty pixels within 14 of the middle lie below its height; a neighbour's tip beyond counts nothing."""
+    rgb, depth = square(plain((90, 80, 70)), (60, 160, 50), 50, 70, 20), np.full((HEIGHT, WIDTH), 0.9, np.float32)
+    depth[50:72, 70:92], depth[51:72, 82:84] = 0.87, 0.84
+    rgb, depth[55:62, 97:104] = square(rgb, (60, 160, 50), 55, 97, 7), 0.80
+    look = trays.look_at_cells(frame(rgb, depth), row())
+    pitch = 40.0 / FOCAL * 0.9
+    # Cells lie at 0.9 m, and 18 mm of what is over them is stem; two columns of twenty are higher than the rest.
+    assert look.height[0] == pytest.approx((0.06 - 0.018) / pitch, abs=1e-6)
+    depth[51:72, 82:84], depth[60:62, 80:82] = 0.87, 0.84
+    look = trays.look_at_cells(frame(rgb, depth), row())
+    assert look.height[0] == pytest.approx((0.03 - 0.018) / pitch, abs=1e-6)
+    assert trays.look_at_cells(frame(plain((90, 80, 70)), 0.9), row()).height.tolist() == [-np.inf, -np.inf]
 
 
 # Produce

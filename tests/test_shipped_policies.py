@@ -21,7 +21,7 @@ SCORES = {
     "ProduceSorting-v0.load-1.25": (31.13, 0.6550407877551774, 2.070379168707622),
     "SafflowerPicking-v0.pots": (8.070930070274063, 0.9623062201279646, 18.647608478249982),
     "SafflowerPicking-v0.row": (7.837384579551301, 0.4563405842356857, 16.309458650206544),
-    "TrayTransplanting-v0.fill": (99.63438271301973, 0.9794444444444443, 1.4067632023366763),
+    "TrayTransplanting-v0.fill": (99.811355261131, 0.9806944444444443, 1.4050348515716238),
 }
 """Mean return, net rate and cycle time in seconds, on the seeds of the card's scores."""
 SINCE = {

@@ -79,9 +79,9 @@ def confusion(samples: list[Sample], settings: TraySettings) -> NDArray[np.int64
 def fit(samples: list[Sample]) -> TraySettings:
     """Thresholds with the best mean of the classes' recalls, over a grid."""
     best, found = -1.0, TraySettings()
-    grid = itertools.product(np.linspace(0.02, 0.6, 30), np.linspace(0.05, 0.40, 36), (0.3, 0.4, 0.5, 0.6, 0.7))
-    for middle, area, yellow in grid:
-        settings = TraySettings(empty_middle=float(middle), poor_area=float(area), yellow_share=float(yellow))
+    grid = itertools.product(np.linspace(0.02, 0.2, 10), np.linspace(0.16, 0.21, 11), np.linspace(0.40, 0.52, 25))
+    for middle, area, height in grid:
+        settings = TraySettings(empty_middle=float(middle), poor_area=float(area), poor_height=float(height))
         counts = confusion(samples, settings)
         score = float(np.mean(np.diag(counts) / counts.sum(axis=1)))
         if score > best:

@@ -230,12 +230,11 @@ class TrayScene(Scene):
         plugs = instances(self._plug, top_m, None, SOIL, number)
         grows = content != EMPTY
         content, top_m, number = content[grows], top_m[grows], number[grows]
-        size, shade, turn, lean, way, tone, ahead, across = np.mod(look[grows, None] * 1e4 * _STRETCHES, 1.0).T
-        damaged, poor = content == DAMAGED, content == POOR
-        sizes = [[self._plants[size] for size in kind] for kind in (HEALTHY_SIZES, POOR_SIZES)]
-        mesh = np.where(poor, *(np.array(m)[(size * len(m)).astype(int)] for m in (sizes[1], sizes[0])))
+        _, shade, turn, lean, way, _, ahead, across = np.mod(look[grows, None] * 1e4 * _STRETCHES, 1.0).T
+        damaged, (size, yellow) = content == DAMAGED, looks_of(content, look[grows])
+        mesh = np.array([self._plants[one] for one in size.tolist()], np.int64)
         greens, yellows = (np.array(c)[(shade * len(c)).astype(int)] for c in (GREENS, YELLOWS))
-        colour = np.where((poor & (tone < _YELLOW_SHARE))[:, None], yellows, greens)
+        colour = np.where(yellow[:, None], yellows, greens)
         colour = np.where(damaged[:, None], np.array(WITHERED), colour)
         tilt = np.where(damaged, 1.25, 0.25 * lean)
         aside = np.stack([ahead - 0.5, across - 0.5, 0.0 * ahead], axis=-1)
@@ -245,6 +244,14 @@ class TrayScene(Scene):
 
 _STRETCHES = np.array([1.0, 1.618034, 2.236068, 3.141593, 4.669201, 7.389056, 11.09017, 13.59141])
 """Eight numbers in [0, 1) come from one: the decimals that follow its first four, stretched by different factors."""
+
+
+def looks_of(content: NDArray[np.integer], look: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Sizes (n,) of seedlings and whether they are yellow (n,), from what they are and their numbers in [0, 1)."""
+    size, tone = np.mod(look[:, None] * 1e4 * _STRETCHES[[0, 5]], 1.0).T
+    poor = content == POOR
+    sizes = (np.array(kind)[(size * len(kind)).astype(int)] for kind in (POOR_SIZES, HEALTHY_SIZES))
+    return np.where(poor, *sizes), poor & (tone < _YELLOW_SHARE)
 
 
 def _leaning(turn_rad: Array, tilt_rad: Array, way: Array) -> Array:
