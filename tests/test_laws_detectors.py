@@ -195,7 +195,7 @@ def test_leaves_count_where_they_are():
 
 
 def test_a_seedling_is_as_high_as_its_own_leaves():
-    """Nineteen of twenty pixels within 14 of the middle lie below its height; a neighbour's tip beyond counts nothing."""
+    """Nineteen of twenty pixels within 14 of the middle lie below its height; a neighbour's tip beyond is none."""
     rgb, depth = square(plain((90, 80, 70)), (60, 160, 50), 50, 70, 20), np.full((HEIGHT, WIDTH), 0.9, np.float32)
     depth[50:72, 70:92], depth[51:72, 82:84] = 0.87, 0.84
     rgb, depth[55:62, 97:104] = square(rgb, (60, 160, 50), 55, 97, 7), 0.80
