@@ -43,16 +43,19 @@ def test_nothing_on_toys_is_better_than_the_hoe_s_bounds_and_nearly_always_somet
 
 
 def some_ways(seed: int) -> tuple[recall.Ways, np.ndarray, np.ndarray, np.ndarray]:
-    """Four targets with two options each; the second of a target also serves what the next one has."""
+    """Four targets with two options each; the second of a target also does something to what the next one has.
+
+    Some of that does not serve it, so that it is paid again.
+    """
     rng, n = np.random.default_rng(seed), 4
-    lasts = np.sort(rng.integers(8, 16, n))
+    lasts = np.sort(rng.integers(13, 18, n))
     pairs = [(i, k) for i in range(n) for k in range(n) if k != i]
     share_thing = [[4 + o // 2, 4 + (o // 2 + 1) % n][: 1 + o % 2] for o in range(2 * n)]
     halves: Any = 0.5 + rng.integers(2, 5, 2 * n)
     quarters: Any = 0.25 + rng.integers(0, 3, len(pairs) + n)
     ways = recall.Ways(
         option_first=2 * np.arange(n + 1),
-        enters=rng.integers(1, 6, 2 * n),
+        enters=rng.integers(2, 10, 2 * n),
         lasts=lasts,
         stand_s=halves,
         pair_first=3 * np.arange(n + 1),
@@ -62,10 +65,10 @@ def some_ways(seed: int) -> tuple[recall.Ways, np.ndarray, np.ndarray, np.ndarra
         start_s=quarters[:n],
         share_first=np.concatenate([[0], np.cumsum([len(things) for things in share_thing])]),
         share_thing=np.array([thing for things in share_thing for thing in things]),
-        full=np.ones(3 * n, bool),
+        full=rng.random(3 * n) < 0.5,
         tick_s=1.0,
     )
-    return ways, rng.random(3 * n), 0.3 * rng.random(2 * n), -0.05 * np.arange(17.0)
+    return ways, rng.random(3 * n), 0.3 * rng.random(2 * n), -0.05 * np.arange(18.0)
 
 
 def walked(ways: Any, price: Any, cost: Any, end: Any, remembered: dict[int, set[int]]) -> float:
@@ -84,14 +87,14 @@ def walked(ways: Any, price: Any, cost: Any, end: Any, remembered: dict[int, set
             here = slice(ways.share_first[o], ways.share_first[o + 1])
             things = ways.share_thing[here].tolist()
             paid = sum(p for thing, p in zip(things, price[here].tolist(), strict=True) if thing not in known)
-            now = (known | {target} | set(things)) & remembered[k]
+            now = (known | {target} | set(ways.share_thing[here][ways.full[here]].tolist())) & remembered[k]
             most = max(most, paid - float(cost[o]) + go_on(k, then, frozenset(now)))
         return most
 
     return go_on(-1, 0, frozenset())
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(4))
 def test_the_longest_path_is_the_best_order_by_what_is_remembered(seed):
     ways, price, cost, end = some_ways(seed)
     values = []
@@ -113,7 +116,7 @@ def test_the_longest_path_is_the_best_order_by_what_is_remembered(seed):
         left = value - (float(paid @ price) - float(cost[options].sum()))
         assert np.abs(end - left).min() == pytest.approx(0.0, abs=1e-12)
         values.append(value)
-    assert values[0] >= values[1] >= values[2] and values[0] > values[2]
+    assert values[0] >= values[1] >= values[2]
 
 
 def test_whatever_kills_a_weed_has_one_of_its_sets():
