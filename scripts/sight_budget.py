@@ -23,6 +23,7 @@ import fieldgym  # noqa: F401
 from fieldgym.kernels.seeds import SHOWN
 from fieldgym.scripts.sight_losses import Sights, budget, interval, played, shown
 from fieldgym.scripts.sight_picker import PickerSights
+from fieldgym.scripts.sight_sorter import SorterSights
 from fieldgym.scripts.sight_trays import TraySights
 
 
@@ -38,6 +39,7 @@ class Eyes(NamedTuple):
 EYES = {
     "picker": Eyes("fieldgym/SafflowerPicking-v0", "row", "fixed-order", PickerSights),
     "trays": Eyes("fieldgym/TrayTransplanting-v0", "replug-high", "fixed-order", TraySights),
+    "sorter": Eyes("fieldgym/ProduceSorting-v0", "load-1.0", "fifo", SorterSights),
 }
 
 
