@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..kernels import compiled
 from .frames import Frame
+from .regions import regions
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,10 @@ class ProduceSettings:
     """Fruits with a lower hue (towards red) are ripe."""
     rim_m: float = 0.0005
     """The outline is this much wider than its pixels' middles show [identified on rendered items]."""
+    belt_rgb: tuple[float, float, float] = (67.1, 97.0, 115.1)
+    """Mean colour of the bare belt while no channel's gain has drifted [identified: rendered fruits' hues come out]."""
+    most_drift: float = 0.15
+    """Gains are taken to drift no farther than this from 1: what differs more is another belt."""
     ware_from_m: float = 0.061
     """Tubers at least this long are ware."""
 
@@ -93,7 +98,9 @@ def detect(frame: Frame, context: Belt, settings: ProduceSettings | None = None)
     rgb, depth_m, camera = frame
     world, belt_m = camera.world_from_camera, context.height_m
     found = []
-    for top, left, body in _separate(produce_mask(frame, context, settings)):
+    mask = produce_mask(frame, context, settings)
+    gains = _gains(rgb, mask, settings)
+    for top, left, body in _separate(mask):
         rows, columns = np.nonzero(body)
         if len(rows) == 0:
             continue
@@ -110,7 +117,7 @@ def detect(frame: Frame, context: Belt, settings: ProduceSettings | None = None)
         shape = _ellipsoid(points, weight, world[:3, 3], belt_m, settings.rim_m)
         if shape is None:
             continue
-        hue, saturation = _colour(rgb, top, left, body)
+        hue, saturation = _colour(rgb, gains, top, left, body)
         found.append((*shape, _grade(settings, hue, saturation, float(shape[2][0])), hue))
     return _table(found)
 
@@ -164,9 +171,8 @@ def _separate(mask: NDArray[np.uint8]) -> Iterator[tuple[int, int, NDArray[np.ui
 
     Those that touch are parted by shrinking their blob until it comes apart, and growing the pieces back.
     """
-    count, blobs, stats, _ = cv2.connectedComponentsWithStats(mask)
-    for blob in range(1, count):
-        x, y, width, height, area = stats[blob].tolist()
+    blobs, boxes = regions(mask)
+    for blob, (x, y, width, height, area) in enumerate(boxes.tolist()):
         if area < _SEED_PIXELS:
             continue
         body = (blobs[y : y + height, x : x + width] == blob).astype(np.uint8)
@@ -267,7 +273,20 @@ def _cross(a: Array, b: Array) -> Array:
     return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
-def _colour(rgb: NDArray[np.uint8], top: int, left: int, body: NDArray[np.uint8]) -> tuple[float, float]:
+def _gains(rgb: NDArray[np.uint8], mask: NDArray[np.uint8], settings: ProduceSettings) -> NDArray[np.float32]:
+    """What channels (3,) have to be multiplied by for the bare belt's hue to be the usual one; 1 where none shows."""
+    # Every fourth pixel each way is enough; beside items there is their shade.
+    bare = cv2.dilate(np.ascontiguousarray(mask[::4, ::4]), np.ones((3, 3), np.uint8)) == 0
+    if not bare.any():
+        return np.ones(3, np.float32)
+    drift = np.maximum(rgb[::4, ::4][bare].mean(axis=0), 1.0) / np.array(settings.belt_rgb)
+    drift = np.clip(drift / drift.mean(), 1.0 - settings.most_drift, 1.0 + settings.most_drift)
+    return (1.0 / drift).astype(np.float32)
+
+
+def _colour(
+    rgb: NDArray[np.uint8], gains: NDArray[np.float32], top: int, left: int, body: NDArray[np.uint8]
+) -> tuple[float, float]:
     """Median hue in degrees and saturation in [0, 1] of an item's core; hues just below 360 count as below zero."""
     core = cv2.erode(cv2.copyMakeBorder(body, 2, 2, 2, 2, cv2.BORDER_CONSTANT, value=0), np.ones((5, 5), np.uint8))
     core = core[2:-2, 2:-2] if core.any() else body
@@ -275,10 +294,10 @@ def _colour(rgb: NDArray[np.uint8], top: int, left: int, body: NDArray[np.uint8]
     # Two pixels more all around, for the median.
     up, aside = min(top, 2), min(left, 2)
     around = np.ascontiguousarray(rgb[top - up : top + height + 2, left - aside : left + width + 2])
-    hsv = np.asarray(cv2.cvtColor(cv2.medianBlur(around, 5), cv2.COLOR_RGB2HSV), np.uint8)
-    pixels = hsv[up : up + height, aside : aside + width][core > 0]
-    hue = 2.0 * pixels[:, 0].astype(np.float64)
-    return float(np.median(np.where(hue > 270.0, hue - 360.0, hue))), float(np.median(pixels[:, 1])) / 255.0
+    inside = cv2.medianBlur(around, 5)[up : up + height, aside : aside + width][core > 0]
+    pixels = np.asarray(cv2.cvtColor((inside * (gains / np.float32(255.0)))[None], cv2.COLOR_RGB2HSV))[0]
+    hue = pixels[:, 0].astype(np.float64)
+    return float(np.median(np.where(hue > 270.0, hue - 360.0, hue))), float(np.median(pixels[:, 1]))
 
 
 def _grade(settings: ProduceSettings, hue_deg: float, saturation: float, length_m: float) -> int:

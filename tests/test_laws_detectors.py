@@ -245,6 +245,23 @@ def test_produce_is_warm_and_lies_on_the_belt(colour, above_m, seen):
     assert mask.all() if seen else not mask.any()
 
 
+@pytest.mark.parametrize("drift", [(1.0, 1.0, 1.0), (1.08, 0.95, 1.0), (0.92, 1.0, 1.05)])
+def test_hues_are_those_beside_a_belt_of_the_usual_colour(drift):
+    """A fruit of 60 degrees stays one, however far gains drift; where no belt shows they are taken as they are."""
+    rgb = np.full((HEIGHT, WIDTH, 3), produce.ProduceSettings().belt_rgb, float)
+    rgb[40:80, 60:100] = 180.0, 180.0, 40.0
+    look = np.round(rgb * drift).astype(np.uint8)
+    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+    mask[40:80, 60:100] = 1
+    gains = produce._gains(look, mask, produce.ProduceSettings())
+    assert gains * drift == pytest.approx(np.full(3, (gains * drift).mean()), rel=0.01)
+    hue, saturation = produce._colour(look, gains, 40, 60, mask[40:80, 60:100])
+    assert hue == pytest.approx(60.0, abs=0.8) and saturation == pytest.approx(1.0 - 40.0 / 180.0, abs=0.01)
+    assert produce._gains(look, np.ones_like(mask), produce.ProduceSettings()).tolist() == [1.0, 1.0, 1.0]
+    blue = np.array([2.0, 2.0, 250.0], np.uint8) + np.zeros_like(look)
+    assert produce._gains(blue, mask, produce.ProduceSettings()) == pytest.approx([1 / 0.85, 1 / 0.85, 1 / 1.15])
+
+
 # Weeds
 
 
