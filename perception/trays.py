@@ -120,12 +120,12 @@ def look_at_cells(frame: Frame, context: Cells, settings: TraySettings | None = 
     near = square <= radius * radius
     around = square <= (settings.height_radius * nursery_pitch_m) ** 2
     height_m = np.array([_height_m(place[2, own], settings.height_share) for own in around]) - cells[:, 2]
-    area = over @ pixel_m2
+    area, yellow_m2 = (over @ np.column_stack([pixel_m2, pixel_m2 * yellow])).T
     return CellLook(
         middle=near @ pixel_m2 / (np.pi * radius * radius),
         area=area / nursery_pitch_m**2,
         height=(height_m - settings.stem_m) / nursery_pitch_m,
-        yellow=over @ (pixel_m2 * yellow) / np.maximum(area, 1e-12),
+        yellow=yellow_m2 / np.maximum(area, 1e-12),
     )
 
 
