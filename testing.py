@@ -8,6 +8,7 @@ check_task("fieldgym/SafflowerPicking-v0")
 from __future__ import annotations
 
 import hashlib
+import json
 import subprocess
 import sys
 import warnings
@@ -44,6 +45,7 @@ def check_task(
     backends: Iterable[str] | None = None,
     worlds: int = 8,
     decisions: int = 300,
+    settings: Mapping[str, Any] | None = None,
     on_check: Callable[[str], None] = lambda name: None,
 ) -> tuple[str, ...]:
     """Hold a task to the whole contract.
@@ -59,6 +61,7 @@ def check_task(
         backends: those to check; by default all that the task has.
         worlds: of the batch that is compared with single environments.
         decisions: of that comparison.
+        settings: keyword arguments of the environments that checkers and other processes make, as JSON has them.
         on_check: told the name of each check before it runs.
 
     Returns:
@@ -71,10 +74,11 @@ def check_task(
     chosen = tuple(backends) if backends is not None else spec.backends
     checks: list[tuple[str, Callable[[], None]]] = [("the specification", lambda: _specification(spec))]
     for backend in chosen:
+        given = spec, backend, dict(settings or {})
         checks += [
-            (f"Gymnasium's checker, {backend}", lambda backend=backend: _gymnasium(spec, backend)),
-            (f"Stable-Baselines3's checker, {backend}", lambda backend=backend: _stable_baselines(spec, backend)),
-            (f"other processes, {backend}", lambda backend=backend: _processes(env_id, spec, backend)),
+            (f"Gymnasium's checker, {backend}", partial(_gymnasium, *given)),
+            (f"Stable-Baselines3's checker, {backend}", partial(_stable_baselines, *given)),
+            (f"other processes, {backend}", partial(_processes, env_id, *given)),
         ]
     checks += [
         ("masks, arrays and spaces", lambda: _steps(spec)),
@@ -119,8 +123,8 @@ def _specification(spec: TaskSpec) -> None:
     env.close()
 
 
-def _gymnasium(spec: TaskSpec, backend: str) -> None:
-    env = _single(spec, backend)
+def _gymnasium(spec: TaskSpec, backend: str, settings: dict[str, Any]) -> None:
+    env = _single(spec, backend, **settings)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env.unwrapped, skip_render_check=True)
@@ -128,12 +132,12 @@ def _gymnasium(spec: TaskSpec, backend: str) -> None:
     env.close()
 
 
-def _stable_baselines(spec: TaskSpec, backend: str) -> None:
+def _stable_baselines(spec: TaskSpec, backend: str, settings: dict[str, Any]) -> None:
     try:
         from stable_baselines3.common import env_checker
     except ImportError:
         return
-    env = gym.make(spec.id, backend=backend)
+    env = gym.make(spec.id, backend=backend, **settings)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         env_checker.check_env(env, warn=True, skip_render_check=True)
@@ -141,17 +145,15 @@ def _stable_baselines(spec: TaskSpec, backend: str) -> None:
     env.close()
 
 
-def trajectory_digest(env_id: str, backend: str, seeds: Iterable[int] = range(8), decisions: int = 6) -> str:
+def trajectory_digest(env_id: str, backend: str, seeds: Iterable[int] = range(8), **settings: Any) -> str:
     """Digest of everything that short episodes give, random legal actions."""
     total = hashlib.sha256()
-    env = _single(task(env_id), backend)
+    env = _single(task(env_id), backend, **settings)
     for seed in seeds:
-        observation, info = env.reset(seed=seed)
-        rng = np.random.default_rng(seed)
+        (observation, info), rng = env.reset(seed=seed), np.random.default_rng(seed)
         total.update(_bytes(observation) + _bytes(info))
-        for _ in range(decisions):
-            step = env.step(_legal(info["action_mask"], rng))
-            info = step[-1]
+        for _ in range(6):
+            *_, info = step = env.step(_legal(info["action_mask"], rng))
             total.update(b"".join(_bytes(part) for part in step))
             if step[2] or step[3]:
                 break
@@ -165,18 +167,19 @@ def _bytes(value: object) -> bytes:
     return np.asarray(value).tobytes()
 
 
-def _processes(env_id: str, spec: TaskSpec, backend: str) -> None:
+def _processes(env_id: str, spec: TaskSpec, backend: str, settings: dict[str, Any]) -> None:
     code = (
-        "import sys; sys.path[:] = eval(sys.argv[1]); from fieldgym.testing import trajectory_digest; "
-        "print(trajectory_digest(sys.argv[2], sys.argv[3]))"
+        "import json, sys; sys.path[:] = eval(sys.argv[1]); from fieldgym.testing import trajectory_digest; "
+        "print(trajectory_digest(sys.argv[2], sys.argv[3], **json.loads(sys.argv[4])))"
     )
     if ":" not in env_id and isinstance(spec.entry_point, str):
         # A task that was registered by hand is unknown there until its module is imported.
         env_id = f"{spec.entry_point.partition(':')[0]}:{env_id}"
-    command = [sys.executable, "-c", code, repr(sys.path), env_id, backend]
+    command = [sys.executable, "-c", code, repr(sys.path), env_id, backend, json.dumps(settings)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     _hold(done.returncode == 0, f"a fresh process fails: {done.stderr.strip().splitlines()[-1:]}")
-    _hold(done.stdout.split()[-1] == trajectory_digest(env_id, backend), "a fresh process plays other episodes")
+    here = trajectory_digest(env_id, backend, **settings)
+    _hold(done.stdout.split()[-1] == here, "a fresh process plays other episodes")
 
 
 def _steps(spec: TaskSpec) -> None:
