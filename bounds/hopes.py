@@ -13,7 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.weeding.features import CROP_GAP_SCALE_M, L
-from ..envs.weeding.outcomes import CROP_GAPS_M, FAR_M, NEIGHBOUR_GAPS_M, STEP_M, Outcomes, class_of, crop_step
+from ..envs.weeding.outcomes import (
+    CONFIDENCES,
+    CROP_GAPS_M,
+    FAR_M,
+    NEIGHBOUR_GAPS_M,
+    STEP_M,
+    Outcomes,
+    class_of,
+    crop_step,
+)
 from ..envs.weeding.state import MODES, R
 from .shots import Option, Shots, in_row, undominated
 
@@ -42,12 +51,18 @@ def hoped_shots(core: Any, row: int, tables: Outcomes) -> Shots:
     aim, told, feature = (part[row, :n] for part in (state.track_aim, state.track_report, state.track_feature))
     kind = 3 * (feature[:, L.grass] > 0.5) + feature[:, L.cotyledon : L.four_leaf + 1].argmax(axis=1)
     crop_gap_m = feature[:, L.crop_gap].astype(float) * CROP_GAP_SCALE_M
+    sure = feature[:, L.confidence].astype(float)
     apart_m = np.hypot(*np.moveaxis(told[:, None] - told[None], -1, 0))
     np.fill_diagonal(apart_m, np.inf)
     nearest_m = apart_m.min(axis=1, initial=np.inf)
     own = np.array(
         [
-            tables.own[kind[k], class_of(CROP_GAPS_M, crop_gap_m[k]), class_of(NEIGHBOUR_GAPS_M, nearest_m[k])]
+            tables.own[
+                kind[k],
+                class_of(CROP_GAPS_M, crop_gap_m[k]),
+                class_of(NEIGHBOUR_GAPS_M, nearest_m[k]),
+                class_of(CONFIDENCES, sure[k]),
+            ]
             for k in range(n)
         ]
     ).reshape(n, MODES)

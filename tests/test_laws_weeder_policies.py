@@ -243,7 +243,7 @@ def any_outcomes(seed: int) -> Outcomes:
     """Tables that no tool has: every cell another number."""
     rng = np.random.default_rng(seed)
     kinds, steps, modes = SIZES["kinds"], SIZES["steps"], SIZES["modes"]
-    own = (kinds, SIZES["crops"], SIZES["neighbours"])
+    own = (kinds, SIZES["crops"], SIZES["neighbours"], SIZES["confidences"])
     return Outcomes(
         own=rng.random((*own, modes)),
         own_count=np.ones(own),
@@ -274,7 +274,8 @@ def beliefs_of(config: Any, tool: Any, tables: Outcomes, rows: Any) -> tuple[Any
         nearest_m = nearest_m if nearest_m < 0.05 else inf
         crop = sum(gap_m >= edge for edge in (0.015, 0.03, 0.05, 0.065, 0.08, 0.11))
         near = sum(nearest_m >= edge for edge in (0.006, 0.012, 0.02, 0.03, 0.05))
-        killed = float(tables.own[kind[k], crop, near, mode]) * left(k, mode, taken)
+        sure = sum(rows[k]["confidence"] >= edge for edge in (0.4, 0.7, 0.84))
+        killed = float(tables.own[kind[k], crop, near, sure, mode]) * left(k, mode, taken)
         for j in beside[k]:
             if j not in taken:
                 killed += float(tables.beside[kind[j], int(apart[k, j] / 0.005), mode]) * left(j, mode, taken)

@@ -4,16 +4,18 @@ both tools on a grid against their written formulas."""
 from dataclasses import replace
 from itertools import product
 from math import acos, exp, hypot, log, pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
 import fieldgym  # noqa: F401
+from fieldgym.envs.weeding.features import L
 from fieldgym.envs.weeding.field import Crops
 from fieldgym.envs.weeding.process import dose
 from fieldgym.envs.weeding.response import crop_tolerance, tolerance
+from fieldgym.envs.weeding.rules import note
 from fieldgym.envs.weeding.tools.hoe.process import HoeProcess, HoeProcessConfig, Stir
 from fieldgym.envs.weeding.tools.laser.process import Burn, LaserProcess, ProcessConfig
 
@@ -269,6 +271,31 @@ def test_the_laser_s_doses_are_the_written_ones():
     for luck in (0.02, 0.5, 0.95):
         limit = crop_tolerance(LaserProcess(process).response, luck)
         assert 1.0 / (1.0 + (20.0 / limit) ** 4.0) == pytest.approx(luck, rel=1e-9)
+
+
+def test_works_are_noted_whatever_the_order_of_the_tracks():
+    rng, process = np.random.default_rng(4), HoeProcessConfig()
+    work, half = Stir.of(process), process.response.half_of(*np.indices((2, 3)))
+    report = np.column_stack([np.sort(rng.uniform(0.0, 0.09, 12)), rng.uniform(-0.015, 0.015, 12)])
+    kinds, seen = rng.integers(0, 2, (12, 2)), np.zeros((12, len(L)), np.float32)
+    seen[:, L.grass], seen[np.arange(12), L.cotyledon + kinds[:, 1]] = kinds[:, 0], 1.0
+    order = rng.permutation(12)
+    mixed, aim = seen[order], report[6] + [0.004, 0.0]
+    for _ in range(9):
+        note.py_func(work, half, report, seen, 6, 4, True, 2, *aim)
+        note.py_func(work, half, report[order], mixed, int(np.flatnonzero(order == 6)[0]), 0, False, 2, *aim)
+    share = [
+        9.0 * share_by_hand(WorkOf(process), 2, *(at - aim), grass, stage)
+        for at, (grass, stage) in zip(report, kinds, strict=True)
+    ]
+    by_hand = np.minimum(share, 10.0) * (np.arange(12) != 6)
+    assert mixed[:, L.done] == pytest.approx(by_hand[order]) and 10.0 in by_hand
+    # Those before the oldest that is shown are not looked at.
+    assert seen[:, L.done] == pytest.approx(by_hand * (np.arange(12) >= 4)) and by_hand[:4].max() > 0.0
+
+
+class WorkOf(NamedTuple):
+    process: Any
 
 
 def lens_m2(one, other, distance):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...envs.weeding.outcomes import (
+    CONFIDENCES,
     CROP_GAPS_M,
     FAR_M,
     NEIGHBOUR_GAPS_M,
@@ -123,6 +124,7 @@ def believe(
     place: Array,
     kind: NDArray[np.int64],
     crop_gap_m: Array,
+    confidence: Array,
     belief: Belief,
 ) -> None:
     """Write what is believed of the candidates.
@@ -134,6 +136,7 @@ def believe(
         place: (B, K, 2), along the row in the world and across.
         kind: (B, K), reported, see ``Outcomes``.
         crop_gap_m: (B, K), reported.
+        confidence: (B, K), how sure the cameras are of the candidates.
         belief: is written.
     """
     slots = place.shape[1]
@@ -165,8 +168,9 @@ def believe(
                     for before in range(MODES):
                         belief.after[w, k, j, before, mode] = tables.after[kind[w, j], step, before, mode]
             crop, near = class_of(CROP_GAPS_M, crop_gap_m[w, k]), class_of(NEIGHBOUR_GAPS_M, nearest_m)
+            sure = class_of(CONFIDENCES, confidence[w, k])
             for mode in range(MODES):
-                belief.own[w, k, mode] += tables.own[kind[w, k], crop, near, mode] * kept[k, mode]
+                belief.own[w, k, mode] += tables.own[kind[w, k], crop, near, sure, mode] * kept[k, mode]
                 belief.harm[w, k, mode] = tables.harm[crop_step(crop_gap_m[w, k]), mode]
         for k in range(count[w]):
             for j in range(count[w]):

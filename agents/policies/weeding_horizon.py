@@ -269,7 +269,7 @@ class RecedingHorizon(ScriptedWeeder):
         self._memory.take_back(cart_m)
         in_world = place.copy()
         in_world[..., G.along] += cart_m[:, None]
-        believe(self._tables, self._memory, count, in_world, kind, crop_gap_m, belief)
+        believe(self._tables, self._memory, count, in_world, kind, crop_gap_m, table[..., C.confidence], belief)
         cost = -weights.crop * belief.harm - weights.joules * tool.energy_j
         if self._thrift is not None:
             left_j = machine[:, ENERGY] * config.scenario.energy_j

@@ -41,6 +41,8 @@ CROP_GAPS_M = (0.015, 0.030, 0.050, 0.065, 0.080, 0.110)
 """Ascending distances to the nearest crop plant that part the classes of own kills."""
 NEIGHBOUR_GAPS_M = (0.006, 0.012, 0.020, 0.030, 0.050)
 """The same for the nearest other report."""
+CONFIDENCES = (0.4, 0.7, 0.84)
+"""The same for how sure the cameras are: of six pictures all, all but one, and many fewer."""
 STEP_M, STEPS = 0.005, 10
 """Distances between two reports are told apart in steps; farther ones have nothing to do with each other."""
 CROP_STEP_M, CROP_STEPS = 0.0025, 32
@@ -50,7 +52,7 @@ SHIPPED = "outcomes/weeding.json"
 STRIPS = 400
 """Strips that tables are measured on where none ship."""
 _TRUST = 20.0
-"""A class of own kills counts as if so many samples had the mean of its kind."""
+"""A class of own kills counts as if so many samples had the mean of all that are as sure."""
 _TOGETHER = 50
 """Strips that are drawn together."""
 
@@ -59,8 +61,8 @@ class Outcomes(NamedTuple):
     """Expected outcomes of shots by reported kind, ``3 species + stage``, and by mode.
 
     Attributes:
-        own: (kinds, crop gaps, neighbour gaps, modes), kills among what belongs to the track.
-        own_count: (kinds, crop gaps, neighbour gaps), samples behind it.
+        own: (kinds, crop gaps, neighbour gaps, confidences, modes), kills among what belongs to the track.
+        own_count: (kinds, crop gaps, neighbour gaps, confidences), samples behind it.
         beside: (kinds, steps, modes), kills of a shot so far away among what belongs to a track.
         beside_count: (kinds, steps).
         after: (kinds, steps, modes before, modes), share of a track's own kills that a shot so far away leaves.
@@ -84,8 +86,8 @@ class Outcomes(NamedTuple):
 class Sums(NamedTuple):
     """What is added up; see ``Outcomes``. The leading axis has length 1."""
 
-    own: Annotated[Array, shaped("kinds", "crops", "neighbours", "modes")]
-    own_count: Annotated[Array, shaped("kinds", "crops", "neighbours")]
+    own: Annotated[Array, shaped("kinds", "crops", "neighbours", "confidences", "modes")]
+    own_count: Annotated[Array, shaped("kinds", "crops", "neighbours", "confidences")]
     beside: Annotated[Array, shaped("kinds", "steps", "modes")]
     beside_count: Annotated[Array, shaped("kinds", "steps")]
     alone: Annotated[Array, shaped("kinds", "steps", "modes")]
@@ -100,6 +102,7 @@ SIZES = {
     "kinds": KINDS,
     "crops": len(CROP_GAPS_M) + 1,
     "neighbours": len(NEIGHBOUR_GAPS_M) + 1,
+    "confidences": len(CONFIDENCES) + 1,
     "steps": STEPS,
     "crop_steps": CROP_STEPS,
     "modes": MODES,
@@ -107,11 +110,11 @@ SIZES = {
 
 
 @compiled
-def class_of(edges_m: tuple[float, ...], gap_m: float) -> int:
-    """How many of the ascending edges a gap has reached."""
+def class_of(edges: tuple[float, ...], value: float) -> int:
+    """How many of the ascending edges a value has reached."""
     reached = 0
-    for edge_m in edges_m:
-        if gap_m >= edge_m:
+    for edge in edges:
+        if value >= edge:
             reached += 1
     return reached
 
@@ -170,7 +173,8 @@ def tally(work: Any, response: Response, worth: Array, plants: Plants, tracks: T
                         of = 3 * tracks.species[r, j] + tracks.stage[r, j]
                         sums.beside_count[0, of, int(gap_m / STEP_M)] += 1.0
             crop, near = class_of(CROP_GAPS_M, tracks.crop_gap_m[r, k]), class_of(NEIGHBOUR_GAPS_M, neighbour_m)
-            sums.own_count[0, kind, crop, near] += 1.0
+            sure = class_of(CONFIDENCES, tracks.confidence[r, k])
+            sums.own_count[0, kind, crop, near, sure] += 1.0
             step = crop_step(tracks.crop_gap_m[r, k])
             sums.harm_count[0, step] += 1.0
             for c in range(plants.crop.shape[1]):
@@ -201,7 +205,7 @@ def tally(work: Any, response: Response, worth: Array, plants: Plants, tracks: T
                     first[mode] = dose(work, mode, along, across, stage)
                     killed = worth[species, stage] * share_killed(response, species, stage, first[mode])
                     if j < 0 or j == k or apart_m >= FAR_M:
-                        sums.own[0, kind, crop, near, mode] += killed
+                        sums.own[0, kind, crop, near, sure, mode] += killed
                     else:
                         of = 3 * tracks.species[r, j] + tracks.stage[r, j]
                         sums.beside[0, of, int(apart_m / STEP_M), mode] += killed
@@ -272,8 +276,11 @@ def measured(config: FieldTask, perception: PerceptionModel, process: WeedingPro
 def averaged(sums: Sums, strip_m: float) -> Outcomes:
     """Means of what was added up on so many metres."""
     totals = Sums(*(values[0] for values in sums))
-    kinds = totals.own.sum(axis=(1, 2)) / np.maximum(totals.own_count.sum(axis=(1, 2)), 1.0)[:, None]
-    own = (totals.own + _TRUST * kinds[:, None, None]) / (totals.own_count[..., None] + _TRUST)
+    kinds = totals.own.sum(axis=(1, 2, 3)) / np.maximum(totals.own_count.sum(axis=(1, 2, 3)), 1.0)[:, None]
+    # Classes lean on the mean of what is as sure, and that on the mean of its kind.
+    count = totals.own_count.sum(axis=(1, 2))[..., None]
+    alike = (totals.own.sum(axis=(1, 2)) + _TRUST * kinds[:, None]) / (count + _TRUST)
+    own = (totals.own + _TRUST * alike[:, None, None]) / (totals.own_count[..., None] + _TRUST)
     pairs = np.maximum(totals.beside_count, 1.0)
     alone = totals.alone[:, :, None]
     after = np.where(alone > 0.0, totals.after / np.where(alone > 0.0, alone, 1.0), 1.0)
