@@ -281,9 +281,11 @@ def test_works_are_noted_whatever_the_order_of_the_tracks():
     seen[:, L.grass], seen[np.arange(12), L.cotyledon + kinds[:, 1]] = kinds[:, 0], 1.0
     order = rng.permutation(12)
     mixed, aim = seen[order], report[6] + [0.004, 0.0]
+    law: Any = getattr(note, "py_func", note)
+    (x, y), own = aim.tolist(), int(np.flatnonzero(order == 6)[0])
     for _ in range(9):
-        note.py_func(work, half, report, seen, 6, 4, True, 2, *aim)
-        note.py_func(work, half, report[order], mixed, int(np.flatnonzero(order == 6)[0]), 0, False, 2, *aim)
+        law(work, half, report, seen, 6, 4, True, 2, x, y)
+        law(work, half, report[order], mixed, own, 0, False, 2, x, y)
     share = [
         9.0 * share_by_hand(WorkOf(process), 2, *(at - aim), grass, stage)
         for at, (grass, stage) in zip(report, kinds, strict=True)
