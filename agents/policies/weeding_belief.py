@@ -1,7 +1,7 @@
 """What a planner believes of a weeder's candidates: what shots will do, given what it has done itself.
 
-An observation does not show what was treated: a track that was worked on is gone from it, and one that was swept with
-its neighbour stands there as before. So a planner remembers its own shots, and reckons with measured tables of what
+An observation shows what dose own works have put on a report, not where they were meant for, in which mode, nor what
+they have left beside their own track. So a planner remembers its own shots, and reckons with measured tables of what
 they do to what is reported about them (``envs.weeding.outcomes``).
 """
 
