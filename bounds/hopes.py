@@ -74,7 +74,9 @@ def hoped_shots(core: Any, row: int, tables: Outcomes) -> Shots:
         for k in np.flatnonzero(apart_m[j] < FAR_M).tolist():
             step = int(apart_m[j, k] / STEP_M)
             # Before its own shot or after it, whatever is more.
-            beside = np.maximum(tables.beside[kind[j], step], tables.left[kind[j], step].max(axis=0))
+            beside = np.maximum(
+                tables.beside[kind[j], step, class_of(CONFIDENCES, sure[j])], tables.left[kind[j], step].max(axis=0)
+            )
             if beside.max() > FAINT:
                 kills[j][k] = beside
             else:

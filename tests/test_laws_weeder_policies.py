@@ -247,8 +247,8 @@ def any_outcomes(seed: int) -> Outcomes:
     return Outcomes(
         own=rng.random((*own, modes)),
         own_count=np.ones(own),
-        beside=0.4 * rng.random((kinds, steps, modes)),
-        beside_count=np.ones((kinds, steps)),
+        beside=0.4 * rng.random((kinds, steps, SIZES["confidences"], modes)),
+        beside_count=np.ones((kinds, steps, SIZES["confidences"])),
         after=rng.random((kinds, steps, modes, modes)),
         left=rng.random((kinds, steps, modes, modes)),
         harm=0.1 * rng.random((SIZES["crop_steps"], modes)),
@@ -263,6 +263,7 @@ def beliefs_of(config: Any, tool: Any, tables: Outcomes, rows: Any) -> tuple[Any
     at = [(0.3 * weed["along"], 0.2 * weed["across"]) for weed in rows]
     kind = [3 * int(weed["grass"] > 0.5) + int(np.argmax([weed[stage] for stage in STAGES])) for weed in rows]
     apart = {(i, j): sqrt((at[i][0] - at[j][0]) ** 2 + (at[i][1] - at[j][1]) ** 2) for i in there for j in there}
+    sure = [sum(weed["confidence"] >= edge for edge in (0.4, 0.7, 0.84)) for weed in rows]
     beside = {k: [j for j in there if j != k and apart[k, j] < 0.05] for k in there}
 
     def left(k: int, mode: int, taken: dict[int, int]) -> float:
@@ -274,11 +275,10 @@ def beliefs_of(config: Any, tool: Any, tables: Outcomes, rows: Any) -> tuple[Any
         nearest_m = nearest_m if nearest_m < 0.05 else inf
         crop = sum(gap_m >= edge for edge in (0.015, 0.03, 0.05, 0.065, 0.08, 0.11))
         near = sum(nearest_m >= edge for edge in (0.006, 0.012, 0.02, 0.03, 0.05))
-        sure = sum(rows[k]["confidence"] >= edge for edge in (0.4, 0.7, 0.84))
-        killed = float(tables.own[kind[k], crop, near, sure, mode]) * left(k, mode, taken)
+        killed = float(tables.own[kind[k], crop, near, sure[k], mode]) * left(k, mode, taken)
         for j in beside[k]:
             if j not in taken:
-                killed += float(tables.beside[kind[j], int(apart[k, j] / 0.005), mode]) * left(j, mode, taken)
+                killed += float(tables.beside[kind[j], int(apart[k, j] / 0.005), sure[j], mode]) * left(j, mode, taken)
         harm = float(tables.harm[min(int(gap_m / 0.0025), 31), mode])
         return weights.killed * killed + weights.crop * harm + weights.joules * tool["energy"][mode]
 

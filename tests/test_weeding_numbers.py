@@ -287,7 +287,7 @@ def test_works_are_noted_whatever_the_order_of_the_tracks():
         law(work, half, report, seen, 6, 4, True, 2, x, y)
         law(work, half, report[order], mixed, own, 0, False, 2, x, y)
     share = [
-        9.0 * share_by_hand(WorkOf(process), 2, *(at - aim), grass, stage)
+        9.0 * share_by_hand(WorkOf(process), 2, float(at[0] - x), float(at[1] - y), grass, stage)
         for at, (grass, stage) in zip(report, kinds, strict=True)
     ]
     by_hand = np.minimum(share, 10.0) * (np.arange(12) != 6)

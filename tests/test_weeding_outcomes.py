@@ -52,7 +52,9 @@ def test_kills_are_counted_once_and_as_the_response_says(env_id):
                 total[mode] += tool.process.response.chance(arrives, *kind)[np.array(arrives) > 0.0].sum()
                 crop = np.array([_dose(tool, mode, at, 3) for at in plants.crop[r] - tracks.aim[r, k]])
                 lost[mode] += tool.process.response.crop_chance(crop[crop > 0.0]).sum()
-    np.testing.assert_allclose(sums.own.sum(axis=(0, 1, 2, 3, 4)) + sums.beside.sum(axis=(0, 1, 2)), total, rtol=1e-9)
+    np.testing.assert_allclose(
+        sums.own.sum(axis=(0, 1, 2, 3, 4)) + sums.beside.sum(axis=(0, 1, 2, 3)), total, rtol=1e-9
+    )
     np.testing.assert_allclose(sums.harm.sum(axis=(0, 1)), lost, rtol=1e-9)
     assert sums.own_count.sum() == sums.harm_count.sum() == tracks.count.sum()
     assert sums.beside.sum() > 0.0
@@ -86,7 +88,7 @@ def test_a_second_shot_kills_what_the_first_has_left():
             assert sums.after[0, 1, 2, before, mode] == pytest.approx(both)
             both = response.chance(own[before] + other[mode], *kind) - response.chance(own[before], *kind)
             assert sums.left[0, 1, 2, before, mode] == pytest.approx(both)
-    np.testing.assert_allclose(sums.beside[0, 1, 2], response.chance(other, *kind))
+    np.testing.assert_allclose(sums.beside[0, 1, 2].sum(axis=0), response.chance(other, *kind))
     np.testing.assert_allclose(averaged(sums, 8.0).after[1, 2], sums.after[0, 1, 2] / sums.alone[0, 1, 2])
 
 
@@ -147,7 +149,7 @@ def test_what_was_swept_is_worth_less_and_what_lies_beside_is_counted():
     # Of the last the cameras are not sure.
     doubted = tables.own[1, 5, 5, 1]
     assert kills(fresh, 0, 2, 2, nothing) == pytest.approx(doubted[2]) and doubted[2] < own[5, 2]
-    assert kills(fresh, 0, 0, 2, nothing) == pytest.approx(own[2, 2] + tables.beside[1, 2, 2])
+    assert kills(fresh, 0, 0, 2, nothing) == pytest.approx(own[2, 2] + tables.beside[1, 2, 3, 2])
     # Behind the first the second has itself only, of which the first has left a share.
     assert kills(fresh, 0, 1, 1, first_deep) == pytest.approx(own[2, 1] * tables.after[1, 2, 2, 1])
     assert tables.after[1, 2, 2, 1] < 0.6

@@ -162,9 +162,10 @@ def believe(
                 if j == k or step < 0:
                     continue
                 belief.near[w, k] |= 1 << j
+                known = class_of(CONFIDENCES, confidence[w, j])
                 nearest_m = min(nearest_m, distance(place[w, k], place[w, j]))
                 for mode in range(MODES):
-                    belief.beside[w, k, j, mode] = tables.beside[kind[w, j], step, mode]
+                    belief.beside[w, k, j, mode] = tables.beside[kind[w, j], step, known, mode]
                     for before in range(MODES):
                         belief.after[w, k, j, before, mode] = tables.after[kind[w, j], step, before, mode]
             crop, near = class_of(CROP_GAPS_M, crop_gap_m[w, k]), class_of(NEIGHBOUR_GAPS_M, nearest_m)

@@ -63,8 +63,8 @@ class Outcomes(NamedTuple):
     Attributes:
         own: (kinds, crop gaps, neighbour gaps, confidences, modes), kills among what belongs to the track.
         own_count: (kinds, crop gaps, neighbour gaps, confidences), samples behind it.
-        beside: (kinds, steps, modes), kills of a shot so far away among what belongs to a track.
-        beside_count: (kinds, steps).
+        beside: (kinds, steps, confidences, modes), kills of a shot so far away among what belongs to a track.
+        beside_count: (kinds, steps, confidences).
         after: (kinds, steps, modes before, modes), share of a track's own kills that a shot so far away leaves.
         left: (kinds, steps, own modes, modes), kills of a shot so far away among what a shot at the track has left.
         harm: (crop steps, modes), crop plants that die.
@@ -88,8 +88,8 @@ class Sums(NamedTuple):
 
     own: Annotated[Array, shaped("kinds", "crops", "neighbours", "confidences", "modes")]
     own_count: Annotated[Array, shaped("kinds", "crops", "neighbours", "confidences")]
-    beside: Annotated[Array, shaped("kinds", "steps", "modes")]
-    beside_count: Annotated[Array, shaped("kinds", "steps")]
+    beside: Annotated[Array, shaped("kinds", "steps", "confidences", "modes")]
+    beside_count: Annotated[Array, shaped("kinds", "steps", "confidences")]
     alone: Annotated[Array, shaped("kinds", "steps", "modes")]
     """Kills among what belongs to a track where nothing was done before; ``after`` is a share of it."""
     after: Annotated[Array, shaped("kinds", "steps", "modes", "modes")]
@@ -171,7 +171,8 @@ def tally(work: Any, response: Response, worth: Array, plants: Plants, tracks: T
                     neighbour_m = min(neighbour_m, gap_m)
                     if gap_m < FAR_M:
                         of = 3 * tracks.species[r, j] + tracks.stage[r, j]
-                        sums.beside_count[0, of, int(gap_m / STEP_M)] += 1.0
+                        known = class_of(CONFIDENCES, tracks.confidence[r, j])
+                        sums.beside_count[0, of, int(gap_m / STEP_M), known] += 1.0
             crop, near = class_of(CROP_GAPS_M, tracks.crop_gap_m[r, k]), class_of(NEIGHBOUR_GAPS_M, neighbour_m)
             sure = class_of(CONFIDENCES, tracks.confidence[r, k])
             sums.own_count[0, kind, crop, near, sure] += 1.0
@@ -208,7 +209,8 @@ def tally(work: Any, response: Response, worth: Array, plants: Plants, tracks: T
                         sums.own[0, kind, crop, near, sure, mode] += killed
                     else:
                         of = 3 * tracks.species[r, j] + tracks.stage[r, j]
-                        sums.beside[0, of, int(apart_m / STEP_M), mode] += killed
+                        known = class_of(CONFIDENCES, tracks.confidence[r, j])
+                        sums.beside[0, of, int(apart_m / STEP_M), known, mode] += killed
                 if j == k:
                     both(work, response, float(worth[species, stage]), plants, tracks, r, k, i, first, second, sums)
 
@@ -281,14 +283,16 @@ def averaged(sums: Sums, strip_m: float) -> Outcomes:
     count = totals.own_count.sum(axis=(1, 2))[..., None]
     alike = (totals.own.sum(axis=(1, 2)) + _TRUST * kinds[:, None]) / (count + _TRUST)
     own = (totals.own + _TRUST * alike[:, None, None]) / (totals.own_count[..., None] + _TRUST)
-    pairs = np.maximum(totals.beside_count, 1.0)
+    pairs = np.maximum(totals.beside_count.sum(axis=2), 1.0)
+    together = totals.beside.sum(axis=2) / pairs[..., None]
+    beside = (totals.beside + _TRUST * together[:, :, None]) / (totals.beside_count[..., None] + _TRUST)
     alone = totals.alone[:, :, None]
     after = np.where(alone > 0.0, totals.after / np.where(alone > 0.0, alone, 1.0), 1.0)
     harm = totals.harm / np.maximum(totals.harm_count, 1.0)[:, None]
     return Outcomes(
         own,
         totals.own_count,
-        totals.beside / pairs[..., None],
+        beside,
         totals.beside_count,
         after,
         totals.left / pairs[..., None, None],
