@@ -9,7 +9,7 @@ from fieldgym.scripts.weed_looks import CATEGORIES, RIGHT, Strip, by_confidence,
 
 WEED = np.array([[0.1, 0.05], [0.1, 0.06], [0.5, 0.0]])
 CROP = np.array([[0.0, 0.0], [0.47, 0.0]])
-AIM = np.array([[0.1, 0.05], [0.8, 0.1], [0.503, 0.0]])
+AIM = np.array([[0.1, 0.05], [0.035, 0.0], [0.503, 0.0]])
 KIND, NAMED = np.array([[0, 0], [1, 1], [1, 2]]), np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 2.0]])
 
 
@@ -41,10 +41,10 @@ def test_kinds_are_those_of_weeds_for_recall_and_those_that_are_told_for_precisi
 
 def test_gaps_are_those_from_weeds_for_recall_and_from_the_aim_for_precision():
     crop, weed = cells(by_gap([strip()], "crop")), cells(by_gap([strip()], "weed"))
-    # 30 mm from a crop plant, aimed at 33 mm from it; the other two are farther than 80 mm from any.
+    # One weed is 30 mm from a crop plant, two are farther than 80; aims are 33 and, where no weed is, 35 mm from one.
     assert [(row[0], row[1], row[3], row[4]) for row in crop] == [
-        ("30-45", "1", "1", "1.00"),
-        ("> 80", "2", "2", "0.50"),
+        ("30-45", "1", "2", "0.50"),
+        ("> 80", "2", "1", "1.00"),
     ]
     # The missed weed lies 10 mm from the seen one, whose track does not count it as itself.
     assert [(row[0], row[1], row[2], row[3]) for row in weed] == [

@@ -280,9 +280,7 @@ def _sights(first: Tier, tiers: Sequence[Tier]) -> tuple[Comparison, ...]:
     """From perfect perception to each rendered camera on the headline's backend, told together."""
     here = [tier for tier in tiers if tier.condition.backend == first.condition.backend]
     perfect = next((tier for tier in here if tier.condition.perception == "perfect"), None)
-    cameras = sorted(
-        (tier for tier in here if tier.condition.perception == "camera"), key=lambda t: t.condition.changes
-    )
+    cameras = [tier for tier in here if tier.condition.perception == "camera"]
     if perfect is None:
         return ()
     cameras.sort(key=lambda tier: tier.condition.changes)
