@@ -41,6 +41,9 @@ def main(
     scenario: Annotated[str | None, typer.Option(help="By default the environment's headline scenario.")] = None,
     config: Annotated[Path | None, typer.Option(metavar="FILE", help="YAML with settings of your own.")] = None,
     steps: Annotated[int | None, typer.Option(help="Decisions to learn from; by default what is tuned.")] = None,
+    minutes: Annotated[
+        float | None, typer.Option(help="Wall time after which it ends, if the decisions do not end it before.")
+    ] = None,
     observation: Annotated[
         str | None, typer.Option(help="features, or pixels: what a convolutional network sees in pictures.")
     ] = None,
@@ -95,7 +98,7 @@ def main(
     except ImportError as error:
         raise CommandError(f'training needs {error.name}: pip install "fieldgym[rl]"') from None
     try:
-        settings = tuned(env_id, scenario, config, algo=algo, steps=steps, observation=observation)
+        settings = tuned(env_id, scenario, config, algo=algo, steps=steps, minutes=minutes, observation=observation)
     except ValueError as error:
         raise CommandError(str(error)) from None
     if view:
@@ -155,9 +158,9 @@ def _train(
 
     if not resume and any(folder.glob("state.*")):
         raise CommandError(f"{folder} holds a run already: go on with --resume, or choose another folder with --out")
-    console.print(
-        f"{env_id}, {settings.scenario}: {settings.algo}, {settings.steps:,} decisions, into {folder}", soft_wrap=True
-    )
+    at_most = "" if settings.minutes is None else f", at most {settings.minutes:g} min"
+    told_of = f"{settings.algo}, {settings.steps:,} decisions{at_most}, into {folder}"
+    console.print(f"{env_id}, {settings.scenario}: {told_of}", soft_wrap=True)
     own = task(env_id).learners.get(settings.algo)
     train = partial(training.train, threads=threads) if own is None else resolved(own)
     fields = f"{settings.evaluation_episodes} seeds from {CHOOSING.first}"
@@ -165,7 +168,7 @@ def _train(
         others = beside(env_id, settings.scenario, settings.evaluation_episodes)
     console.print(f"Returns on {fields}, which the weights are chosen on: {told(others)}", soft_wrap=True)
     try:
-        with _shown(console, PLAIN_EVERY if own is None else 1, told(others)) as show:
+        with _shown(console, PLAIN_EVERY if own is None else 1, told(others), settings.minutes) as show:
             result = train(env_id, settings, folder, seed=seed, resume=resume, on_update=show)
     except (CheckpointError, FolderBusyError, ValueError) as error:
         raise CommandError(str(error)) from None
@@ -182,7 +185,7 @@ def _train(
 
 
 @contextmanager
-def _shown(console: Console, every: int, others: str) -> Iterator[Any]:
+def _shown(console: Console, every: int, others: str, minutes: float | None) -> Iterator[Any]:
     """A bar on a terminal, a line every so many updates anywhere else; ``others`` stand beside the learner's return."""
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
@@ -193,6 +196,8 @@ def _shown(console: Console, every: int, others: str) -> Iterator[Any]:
 
     def show(progress: Progress) -> None:
         left_s = left.after(progress)
+        if left_s is not None and minutes is not None:
+            left_s = min(left_s, max(60.0 * minutes - progress.wall_s, 0.0))
         text = _latest(progress, others) + ("" if left_s is None else f"; {left_s:.0f} s left")
         bar.update(task, total=progress.total, completed=progress.steps, description=text)
         if not console.is_terminal and progress.updates % every == 0:

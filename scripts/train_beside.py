@@ -12,8 +12,8 @@ from fieldgym.kernels.seeds import CHOOSING, POLICY_SEEDS
 if TYPE_CHECKING:
     from fieldgym.agents.learning.runs import Progress
 
-BOUNDED = 32
-"""Fields whose bound is computed: it takes longer than to play them."""
+BOUNDED = 8
+"""Fields whose bound is computed: a weeder's takes seconds, and the learner waits."""
 WINDOW_S = 60.0
 """The time left is told from the pace of so many seconds, or of the last two updates where they took longer."""
 

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,20 @@ def test_a_run_leaves_a_policy_a_curve_a_log_and_its_time(whole):
     assert card["chosen_on_seeds"] == [CHOOSING.first, CHOOSING.first + 3]
     assert list((whole / "tensorboard").glob("events*"))
     assert not list(whole.glob(".*"))
+
+
+def test_a_run_ends_with_its_time(tmp_path):
+    pytest.importorskip("sb3_contrib")
+    pytest.importorskip("tensorboard")
+    from fieldgym.agents.learning.training import train
+
+    # Any update takes longer than this: there is one, it is evaluated and kept.
+    hurried = replace(SMALL, steps=10**9, minutes=1e-6)
+    result = train(ID, hurried, tmp_path, threads=1)
+    assert result.progress.updates == 1 and [point["steps"] for point in result.curve] == [128]
+    assert result.best.is_file()
+    more = train(ID, replace(hurried, steps=256, minutes=None), tmp_path, threads=1, resume=True)
+    assert [point["steps"] for point in more.curve] == [128, 256]
 
 
 def test_a_run_that_stops_and_goes_on_learns_the_same(whole, tmp_path):

@@ -71,8 +71,8 @@ def iterate(
 
     Args:
         env_id: of a task that names this among its ``learners``.
-        settings: ``scenario``, ``steps``, ``teacher``, ``episodes``, ``gae_lambda`` (of LSTD), ``depth``, ``width`` and
-            ``evaluation_episodes`` count; on a resume only ``steps`` may differ.
+        settings: ``scenario``, ``steps``, ``minutes``, ``teacher``, ``episodes``, ``gae_lambda`` (of LSTD), ``depth``,
+            ``width`` and ``evaluation_episodes`` count; on a resume only ``steps`` and ``minutes`` may differ.
         folder: where everything goes.
         seed: of the run.
         resume: go on from the folder's checkpoint.
@@ -106,7 +106,7 @@ def iterate(
             if saved is not None:
                 run.restore(saved)
             # However few decisions are asked for: without a value there is no policy.
-            while record.progress.steps < settings.steps or not record.curve:
+            while not record.curve or (record.progress.steps < settings.steps and record.time_left > 0.0):
                 run.play_round()
                 on_update(record.progress)
             return Result(folder / BEST, record.progress, record.curve)

@@ -135,6 +135,12 @@ class Journal:
         self.best = -math.inf
         self._mark = time.perf_counter()
 
+    @property
+    def time_left(self) -> float:
+        """Share of the time that its settings give the run; 1 where they give it any."""
+        minutes = self.settings.minutes
+        return 1.0 if minutes is None else max(0.0, 1.0 - self.progress.wall_s / (60.0 * minutes))
+
     def lap(self) -> float:
         """Wall seconds since the last call."""
         before, self._mark = self._mark, time.perf_counter()
@@ -163,7 +169,7 @@ class Journal:
     def _restore(self, run: dict[str, Any]) -> None:
         before, now = dict(run["settings"]), self.settings.as_dict()
         for name in now:
-            if name != "steps" and before.get(name) != now[name]:
+            if name not in ("steps", "minutes") and before.get(name) != now[name]:
                 raise CheckpointError(
                     f"the checkpoint in {self.folder} was made with {name} = {before.get(name)!r}, now it is "
                     f"{now[name]!r}: go on with the same settings, or start without --resume"

@@ -55,7 +55,7 @@ def train(
 
     Args:
         env_id: registered id.
-        settings: what to do; on a resume only ``steps`` may differ.
+        settings: what to do; on a resume only ``steps`` and ``minutes`` may differ.
         folder: where everything goes.
         seed: of the run.
         resume: go on from the folder's checkpoint.
@@ -83,9 +83,9 @@ def train(
         )
         try:
             # SB3 hands its own seed on to the environment.
-            model = _model(env, settings, first_seed)
             logger = configure(str(folder / "tensorboard"), ["tensorboard"])
             record = Journal(env_id, settings, seed, folder, logger)
+            model = _model(env, record, first_seed)
             run = _Run(record, model, env, on_update)
             model.set_logger(logger)
             if saved is not None:
@@ -94,16 +94,22 @@ def train(
                 run.learn_from(settings.teacher)
                 on_update(record.progress)
             left = settings.steps - model.num_timesteps
-            if left > 0:
+            if left > 0 and record.time_left > 0.0:
                 model.learn(left, callback=run, reset_num_timesteps=False, log_interval=1)
             return Result(folder / BEST, record.progress, record.curve)
         finally:
             env.close()
 
 
-def _model(env: NativeVecEnv, settings: TrainSettings, seed: int) -> Any:
+def _model(env: NativeVecEnv, record: Journal, seed: int) -> Any:
     from sb3_contrib import MaskablePPO
     from stable_baselines3 import PPO
+
+    settings = record.settings
+    falling = LinearSchedule(settings.learning_rate, settings.final_learning_rate, 1.0)
+
+    def rate(left: float) -> float:
+        return falling(min(left, record.time_left))
 
     maskable = settings.algo == "maskable-ppo"
     algorithm: Any = MaskablePPO if maskable else PPO
@@ -115,7 +121,7 @@ def _model(env: NativeVecEnv, settings: TrainSettings, seed: int) -> Any:
     return algorithm(
         policy,
         env,
-        learning_rate=LinearSchedule(settings.learning_rate, settings.final_learning_rate, 1.0),
+        learning_rate=rate,
         seed=seed,
         device="cpu",
         policy_kwargs={
@@ -192,7 +198,7 @@ class _Run(BaseCallback):
             info = self.locals["infos"][row]
             card = info["scorecard"]
             self.recent.append([info["episode"]["r"], card["net_rate"], card["cycle_time_s"]])
-        return True
+        return self.record.time_left > 0.0
 
     def _on_rollout_end(self) -> None:
         inside = self.worlds.step_wall_s - self._inside
@@ -218,7 +224,7 @@ class _Run(BaseCallback):
             latest = np.array(self.recent)
             progress.returns, progress.net_rate = mean(latest[:, 0]), mean(latest[:, 1])
             progress.cycle_time_s = mean(latest[:, 2])
-        if final or progress.updates % self.settings.evaluate_every == 0:
+        if final or progress.updates % self.settings.evaluate_every == 0 or record.time_left <= 0.0:
             self._evaluate()
         progress.other_s += record.lap()
         run = {**record.text(), "recent": list(self.recent)}
