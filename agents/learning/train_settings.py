@@ -30,7 +30,7 @@ class TrainSettings(Config):
     steps: int = num(1_000_000, 1, 10**12, "")
     """Decisions to learn from."""
     minutes: float | None = num(None, 1e-9, 1e9, "min")
-    """Wall time after which a run ends with fewer decisions, the lesson counted; its steps fall with the time. None: none."""
+    """Wall time after which a run ends with fewer decisions, its lesson counted; its steps fall with the time."""
     teacher: str | None = text(None)
     """Scripted policy whose choices are learnt first; None begins with nothing."""
     teacher_decisions: int = num(200_000, 1, 10**12, "")
