@@ -3,6 +3,7 @@
 # make test        the tests; what they print ends with the ten that took longest
 # make test-portable  those of them that may differ from one Python to another
 # make test-slow   those that take more than a few seconds each
+# make test-long   those of them that try more of what a quicker one tries: 200 fields where that has 10
 # make mutants     do the tests notice a small mistake in the rules? 300 of them, the better part of an hour
 # make media       the documentation's moving pictures, in docs/media
 # make lint        ruff and pyright
@@ -39,7 +40,7 @@ INPUTS := pyproject.toml constraints.txt Makefile
 CORE := $(VENV)/.fieldgym-core
 FULL := $(VENV)/.fieldgym-$(EXTRAS)
 
-.PHONY: benchmark leaderboard test test-portable test-slow mutants media lint docs docs-serve linkcheck linkcheck-elsewhere \
+.PHONY: benchmark leaderboard test test-portable test-slow test-long mutants media lint docs docs-serve linkcheck linkcheck-elsewhere \
     setup pythons clean
 .DEFAULT_GOAL := benchmark
 
@@ -56,10 +57,13 @@ test: $(FULL)
 
 # What may differ from one Python to another.
 test-portable: $(FULL)
-	$(PYTEST) -m "portable and not slow"
+	$(PYTEST) -m "portable and not slow" $$(grep --files-with-matches mark.portable tests/test_*.py)
 
 test-slow: $(FULL)
-	$(PYTEST) -m slow
+	$(PYTEST) -m "slow and not long"
+
+test-long: $(FULL)
+	$(PYTEST) -m long
 
 # Another sample: make mutants MUTANTS="--sample 600 --seed 1". The survivors once more: make mutants MUTANTS=--again
 mutants: $(FULL)

@@ -76,7 +76,9 @@ def test_nothing_is_asked_where_no_bound_is_known(bound: Record):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("env_id", bounds.bounded_ids())
+@pytest.mark.parametrize(
+    "env_id", [pytest.param(own, marks=[pytest.mark.long] * ("Weeding" in own)) for own in bounds.bounded_ids()]
+)
 def test_no_result_of_the_full_suite_s_first_seeds_beats_its_bound(env_id: str, tmp_path):
     whole = suite("full").narrowed(env_id=env_id, episodes=1, backend="analytic")
     # Cameras may report anything, and a demand counts otherwise: they have no bound.

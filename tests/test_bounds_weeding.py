@@ -120,7 +120,12 @@ def test_no_policy_beats_the_bound(env_id, no_policy_beats):
 @pytest.mark.slow
 @pytest.mark.parametrize("env_id", [LASER, SPEED])
 @pytest.mark.parametrize(
-    "scenario", [name for name, scenario in SCENARIOS.items() if scenario.ground.iso_class == LEVEL]
+    "scenario",
+    [
+        pytest.param(name, marks=[pytest.mark.long] * (name not in ("dense", "load-0.7")))
+        for name, scenario in SCENARIOS.items()
+        if scenario.ground.iso_class == LEVEL
+    ],
 )
 def test_no_policy_beats_the_bound_in_any_field(env_id, scenario, no_policy_beats):
     no_policy_beats(env_id, range(2, 3), scenario)

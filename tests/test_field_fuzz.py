@@ -121,6 +121,7 @@ def test_damaged_files_are_refused_in_one_line_or_are_fields(tmp_path: Path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_many_damaged_files_are_refused_in_one_line_or_are_fields(tmp_path: Path):
     refused, made = check(tmp_path, files=100_000, seeds=2)
     assert refused > 30_000

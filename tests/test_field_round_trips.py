@@ -77,6 +77,7 @@ def test_a_loaded_field_is_the_same_episode(tmp_path: Path, env_id: str, percept
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("env_id", "perception"), cases())
 def test_many_loaded_fields_are_the_same_episodes(tmp_path: Path, env_id: str, perception: str):
     check(tmp_path, env_id, perception, fields=200)

@@ -15,11 +15,19 @@ def drawn(**settings: str) -> str:
     return result.stdout.strip()
 
 
+@pytest.fixture(scope="module")
+def here() -> str:
+    return drawn()
+
+
 @pytest.mark.slow
-def test_pictures_are_the_same_bits_on_other_processors():
+def test_pictures_are_the_same_bits_without_wide_registers(here: str):
     core = np._core._multiarray_umath  # type: ignore[attr-defined]
     wide = [name for name in core.__cpu_dispatch__ if core.__cpu_features__.get(name)]
-    here = drawn()
     assert len(here.splitlines()) == 17
-    assert drawn(NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="") == here
     assert drawn(NPY_DISABLE_CPU_FEATURES=" ".join(wide), OPENBLAS_CORETYPE="Nehalem") == here
+
+
+@pytest.mark.slow  # compiles all pictures once more
+def test_pictures_are_the_same_bits_from_machine_code_for_any_processor(here: str):
+    assert drawn(NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="") == here

@@ -64,6 +64,7 @@ def test_drawn_fields_that_are_loaded_are_the_same_episodes(scenario):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("scenario", ["pots", "row"])
 def test_two_hundred_drawn_fields_that_are_loaded_are_the_same_episodes(scenario):
     round_trips(scenario, 200)

@@ -152,6 +152,7 @@ def test_a_stream_that_was_saved_plays_the_same(tmp_path, perception):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_two_hundred_streams_that_were_saved_play_the_same(tmp_path):
     round_trip(tmp_path, "model", range(200), 300)
 

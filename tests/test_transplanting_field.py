@@ -107,7 +107,7 @@ def same(one: Any, other: Any) -> bool:
     return np.array_equal(one, other)
 
 
-@pytest.mark.parametrize("fields", [10, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("fields", [10, pytest.param(200, marks=[pytest.mark.slow, pytest.mark.long])])
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_a_drawn_field_that_is_loaded_again_gives_the_same_episode_alone_and_in_a_batch(scenario, fields):
     env: Any = gym.make(ID, backend="analytic", scenario=scenario, disable_env_checker=True).unwrapped

@@ -80,6 +80,7 @@ def test_what_was_drawn_plays_the_same_when_it_is_loaded(tool):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("tool", MAKE)
 def test_two_hundred_strips_play_the_same_when_they_are_loaded(tool):
     plays_again(tool, range(200), 400)
