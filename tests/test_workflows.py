@@ -65,6 +65,10 @@ def test_ci_tries_every_python_that_there_is() -> None:
     assert "make --silent --no-print-directory pythons | tail -n +2" in run and ".ci/portable $python" in run
     assert "digests.py" in run and "digests.py" in portable and "make test-portable" in portable
     assert all(f"make {target}" in run for target in ("setup lint", "test", "test-slow"))
+    # What CI leaves out is run elsewhere.
+    make = (ROOT / "Makefile").read_text("utf-8")
+    assert '-m "slow and not long"' in make and "-m long" in make
+    assert any(command.startswith("make test-long") for command in runs_of(ROOT / ".github" / "workflows" / "long.yml"))
     assert all((ROOT / ".ci" / name).stat().st_mode & 0o111 for name in ("run", "portable"))
 
 
