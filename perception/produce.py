@@ -42,8 +42,8 @@ class ProduceSettings:
     """Area of an item's outline."""
     tuber_saturation: float = 0.68
     """Tubers are duller than fruits."""
-    ripe_hue_deg: float = 50.5
-    """Fruits with a lower hue (towards red) are ripe."""
+    ripe_hue_deg: float = 50.1
+    """Fruits with a lower hue (towards red) are ripe [identified: the hue that a skin of the threshold has]."""
     rim_m: float = 0.0005
     """The outline is this much wider than its pixels' middles show [identified on rendered items]."""
     belt_rgb: tuple[float, float, float] = (67.1, 97.0, 115.1)

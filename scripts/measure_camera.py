@@ -30,11 +30,15 @@ FOLDER = Path(__file__).resolve().parents[1] / "assets" / "perception"
 
 
 def of_safflower(stops: int = 220) -> dict[str, Any]:
-    """At least so many stops of every scenario that has a camera of its own."""
-    from fieldgym.envs.safflower.config import SCENARIOS, STAGES
+    """At least so many stops of every scenario with a camera of its own, twice as many where heads hide others."""
+    from fieldgym.envs.safflower.config import GAPS_M, SCENARIOS, STAGES
 
-    fits = {name: safflower.measure(name, stops) for name in SCENARIOS if SCENARIOS[name].camera_fit == name}
-    told = {"stages": STAGES, "first_seed": safflower.FIRST_SEED, "published": safflower.PUBLISHED}
+    fits = {
+        name: safflower.measure(name, stops if scenario.potted else 2 * stops)
+        for name, scenario in SCENARIOS.items()
+        if scenario.camera_fit == name
+    }
+    told = {"stages": STAGES, "gaps_m": GAPS_M, "first_seed": safflower.FIRST_SEED, "published": safflower.PUBLISHED}
     return told | {"scenarios": fits}
 
 

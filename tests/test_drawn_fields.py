@@ -12,10 +12,10 @@ from fieldgym.envs import env_ids, task
 SEEDS = 3, 8
 TAKEN_DOWN: dict[str, dict[str, str]] = {
     "fieldgym/SafflowerPicking-v0": {
-        "pots": "90eac808d06d1d84",
-        "row-sparse": "c331eca28f3e4f0f",
-        "row": "0a21adb93f28e2e7",
-        "row-dense": "102165babe4d92f5",
+        "pots": "24b35e81445134d8",
+        "row-sparse": "ea0ea4ffaab28ffb",
+        "row": "592def2b5671e7ea",
+        "row-dense": "145b10bdaec36380",
     },
     "fieldgym/TrayTransplanting-v0": {
         "fill-low": "7dde9944654b5331",
@@ -44,11 +44,11 @@ TAKEN_DOWN: dict[str, dict[str, str]] = {
         "dense": "2acbf34f5c3b49c7",
     },
     "fieldgym/ProduceSorting-v0": {
-        "load-0.7": "dcba4d36dc3397f9",
-        "load-1.0": "060ffa1ca4a6da3b",
-        "load-1.25": "31ad7541e88f4fb8",
-        "load-1.6": "229902947a5efc04",
-        "clumped-1.25": "0014a1506f176716",
+        "load-0.7": "facec3c43824011a",
+        "load-1.0": "e27b4769409aaee0",
+        "load-1.25": "4fa21524ee1d7702",
+        "load-1.6": "167e3958d875ce3e",
+        "clumped-1.25": "eda3168e1da7a2f0",
     },
 }
 """Digests of two fields of every scenario; the speed variant's are the laser's."""

@@ -20,7 +20,7 @@ SCORES = {
     "LaserWeedingSpeed-v0.load-1.25": (68.75775754823229, 0.6044537210436915, 0.9959979950223026),
     "ProduceSorting-v0.load-1.25": (31.13, 0.6550407877551774, 2.070379168707622),
     "SafflowerPicking-v0.pots": (8.070930070274063, 0.9623062201279646, 18.647608478249982),
-    "SafflowerPicking-v0.row": (7.837384579551301, 0.4563405842356857, 16.309458650206544),
+    "SafflowerPicking-v0.row": (7.88738343595943, 0.46227677030828684, 16.287555478812553),
     "TrayTransplanting-v0.fill": (99.811355261131, 0.9806944444444443, 1.4050348515716238),
 }
 """Mean return, net rate and cycle time in seconds, on the seeds of the card's scores."""

@@ -28,7 +28,13 @@ _MOST_HEADS, _MOST_STOPS = 20_000, 2_000
 _ROUNDING = 1e-3
 """Rows of a confusion matrix that was rounded add up to 1 within this."""
 
+GAPS_M = (0.016, 0.020, 0.024, 0.028, 0.034)
+"""Where classes of the gap to the nearest higher head end, seen from above. Tufts are 24 mm wide to either side: beyond
+the last nothing hides anything."""
+
 ByStage = tuple[float, float, float, float]
+ByGap = tuple[float, float, float, float, float]
+_FREE: ByGap = (1.0, 1.0, 1.0, 1.0, 1.0)
 Triple = tuple[float, float, float]
 
 
@@ -89,7 +95,7 @@ class PerceptionModel(Config):
     """What the camera reports of a head, as a statistical model (see ``scripts/measure_camera.py``)."""
 
     recall: tuple[ByStage, ByStage] = num(..., 0.0, 1.0, "")
-    """Probability that a head is reported, free and occluded, by stage."""
+    """Probability that a head is reported that no other hides, free and behind leaves, by stage."""
     false_per_stop: float = num(..., 0.0, 20.0, "")
     """Mean number of reports at a stop that are no head."""
     bias_m: Triple = num(..., -0.2, 0.2, "m")
@@ -100,6 +106,8 @@ class PerceptionModel(Config):
     """Row = true stage, column = reported stage, rows add up to 1."""
     size_sigma: float = num(..., 0.0, 1.0, "")
     """Relative error of the reported size."""
+    below: tuple[ByGap, ByGap] = num((_FREE, _FREE), 0.0, 1.0, "")
+    """What is left of that probability under a higher head, free and behind leaves, by the gap (``GAPS_M``)."""
 
     def check(self) -> None:
         """Every stage is reported as some stage."""
@@ -125,6 +133,7 @@ class PerceptionModel(Config):
             sigma_m=data["position_sigma_m"],
             stage_confusion=data["stage_confusion"],
             size_sigma=data["size_sigma"],
+            below=data["below"],
         )
 
 

@@ -12,7 +12,8 @@ from ..arrays import allocated
 from ..core import Array
 from ..dice import begins, poisson_table
 from .batch import Heads, Lanes, Tracks, in_lanes
-from .config import PerceptionModel, SafflowerConfig
+from .config import GAPS_M, PerceptionModel, SafflowerConfig
+from .crowding import chain, gap_m, stretches
 from .field import SPREAD_M
 
 _FALSE_RESERVE = 4.0
@@ -24,7 +25,9 @@ class Sight(NamedTuple):
     """What reports are drawn from: perception model and scenario in the shape that a kernel takes.
 
     Attributes:
-        recall: (2, 4), chance that a head is reported, free and occluded, by stage.
+        recall: (2, 4), chance that a head is reported that no other hides, free and occluded, by stage.
+        below: (2, G + 1), what is left of it under a higher head, by the class of the gap.
+        gaps_m: (G,), where these classes end.
         bias_m: (3,), mean error of the place.
         sigma_m: (3,), its standard deviation.
         limits: (4, 3), cumulative shares of the reported stages by true stage.
@@ -34,9 +37,12 @@ class Sight(NamedTuple):
         false_top_m: they lie below this height.
         lanes: of the fixed order.
         most: reports that are kept.
+        stretches: that the row is taken as, see ``crowding``.
     """
 
     recall: Array
+    below: Array
+    gaps_m: Array
     bias_m: Array
     sigma_m: Array
     limits: Array
@@ -46,6 +52,7 @@ class Sight(NamedTuple):
     false_top_m: float
     lanes: Lanes
     most: int
+    stretches: int
 
     @classmethod
     def of(cls, config: SafflowerConfig, perception: PerceptionModel) -> Sight:
@@ -53,6 +60,8 @@ class Sight(NamedTuple):
         scenario, lanes = config.scenario, Lanes.of(config)
         return cls(
             recall=np.array(perception.recall, float),
+            below=np.column_stack([np.array(perception.below, float), np.ones(2)]),
+            gaps_m=np.array(GAPS_M),
             bias_m=np.array(perception.bias_m, float),
             sigma_m=np.array(perception.sigma_m, float),
             limits=np.cumsum(np.asarray(perception.stage_confusion, float), axis=1)[:, :-1].copy(),
@@ -62,6 +71,7 @@ class Sight(NamedTuple):
             false_top_m=float(scenario.motor_height_m + config.machine.clear_level_m - _FALSE_BELOW_M[0]),
             lanes=lanes,
             most=int(scenario.max_tracks),
+            stretches=stretches(scenario.stops * scenario.window_m),
         )
 
     def random_numbers(self, heads: int) -> tuple[int, int]:
@@ -106,12 +116,18 @@ def look(sight: Sight, at: Lots, heads: Heads, uniform: Array, normal: Array, tr
     place, size, keys = np.empty((room, 3)), np.empty(room), np.empty(room)
     stage, head, every = np.empty(room, np.int64), np.empty(room, np.int64), np.arange(room)
     order, spare = np.empty(room, np.int64), np.empty(room, np.int64)
+    begin_m, first_of, after = sight.false_along_m[0], np.empty(sight.stretches, np.int64), np.empty(nothing, np.int64)
     for r in range(len(tracks.head)):
         u, z, count = uniform[r], normal[r], 0
+        chain(begin_m, heads.position[r], heads.exists[r], first_of, after)
         for i in range(nothing):
             true = heads.stage[r, i]
             hidden = 1 if heads.occluded[r, i] else 0
-            if not (heads.exists[r, i] and u[at.seen + i] < sight.recall[hidden, true]):
+            recall = sight.recall[hidden, true]
+            if not (heads.exists[r, i] and u[at.seen + i] < recall):
+                continue
+            gap = count_upto(sight.gaps_m, gap_m(begin_m, heads.position[r], first_of, after, i))
+            if not u[at.seen + i] < recall * sight.below[hidden, gap]:
                 continue
             for axis in range(3):
                 error_m = sight.sigma_m[axis] * z[at.place_z + 3 * i + axis]

@@ -110,7 +110,7 @@ class Tally:
         }
 
 
-def measure(frames: int = 240) -> dict[str, Any]:
+def measure(frames: int = 960) -> dict[str, Any]:
     """Render and count ``frames`` images, the scenarios in turn."""
     tally = Tally()
     for stream, name in enumerate(list(SCENARIOS) * (frames // FRAMES_A_STREAM + 1)):
