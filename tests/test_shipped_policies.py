@@ -18,7 +18,7 @@ SCORES = {
     "HoeWeeding-v0.load-1.25": (62.88721358981957, 0.5478483016407395, 1.604913553057207),
     "LaserWeeding-v0.load-1.25": (65.68941534832538, 0.5871592680381168, 1.1682380925359945),
     "LaserWeedingSpeed-v0.load-1.25": (68.75775754823229, 0.6044537210436915, 0.9959979950223026),
-    "ProduceSorting-v0.load-1.25": (31.13, 0.6550407877551774, 2.070379168707622),
+    "ProduceSorting-v0.load-1.25": (30.785250000000005, 0.6515931892850741, 2.080443259422796),
     "SafflowerPicking-v0.pots": (8.070930070274063, 0.9623062201279646, 18.647608478249982),
     "SafflowerPicking-v0.row": (7.88738343595943, 0.46227677030828684, 16.287555478812553),
     "TrayTransplanting-v0.fill": (99.811355261131, 0.9806944444444443, 1.4050348515716238),
@@ -27,9 +27,10 @@ SCORES = {
 SINCE = {
     "LaserWeeding-v0.load-1.25": -0.132940,
     "LaserWeedingSpeed-v0.load-1.25": -0.093091,
-    "ProduceSorting-v0.load-1.25": -0.00225,
+    "ProduceSorting-v0.load-1.25": -0.347,
 }
-"""How much less return a policy has than its card says: crop leaves that are hit count since, streams are others."""
+"""How much less return a policy has than its card says: crop leaves that are hit count since, streams are others, and
+the sorter's camera is known to misread as many fruits as it does."""
 DIGITS = 1e-6
 """Means in a card have six digits."""
 
