@@ -217,8 +217,9 @@ def _file(rng: np.random.Generator, env_id: str, folder: Path) -> dict[str, Any]
 def _keywords(rng: np.random.Generator, env_id: str, folder: Path) -> dict[str, Any]:
     names = [str(name) for name in rng.choice(KEYWORDS, int(rng.integers(1, 3)), replace=False)]
     known = (*ASSEMBLED, *task(env_id).assembly.settings)
-    # What a task does not know Gymnasium repeats as it is, and fails where that cannot be shown.
-    return {name: any_of(rng, (*ANYTHING, *USUAL) if name in known else (*NUMBERS, *USUAL)) for name in names}
+    # Beside a keyword that a task does not know Gymnasium repeats all as they are, and fails where one cannot be shown.
+    values = (*ANYTHING, *USUAL) if set(names) <= set(known) else (*NUMBERS, *USUAL)
+    return {name: any_of(rng, values) for name in names}
 
 
 def _presets(rng: np.random.Generator, env_id: str, folder: Path) -> dict[str, Any]:

@@ -69,6 +69,13 @@ def test_a_record_is_on_the_disk_before_it_is_told(tmp_path: Path, monkeypatch):
     assert told == [True, True]
 
 
+def test_a_record_is_whole_where_the_disk_takes_it_in_parts(tmp_path: Path, monkeypatch):
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda handle, data: write(handle, data[:50]))
+    runner.run_suite(small_suite(1), tmp_path, run=Playing())
+    assert len(store.read(tmp_path / store.EPISODES)) == 2
+
+
 def calls(tree: ast.AST) -> list[tuple[str, ast.Call]]:
     found = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
     return [(getattr(node.func, "attr", getattr(node.func, "id", "")), node) for node in found]
