@@ -228,7 +228,7 @@ def by_gap(strips: Sequence[Strip], to: str) -> Table:
         if to == "crop":
             gaps, told_m = crop_gaps(s.seen.crop, s.seen.weed), crop_gaps(s.seen.crop, s.seen.aim[chosen])
         else:
-            gaps = weed_gaps(s.seen.weed, LOOKED_AT)
+            gaps = weed_gaps(s.seen.weed, np.zeros(len(s.seen.weed)), LOOKED_AT)
             away = np.hypot(*(s.seen.aim[chosen][:, None] - s.seen.weed[None]).transpose(2, 0, 1))
             # A weed's own track tells of no other weed.
             away[np.flatnonzero(true), np.flatnonzero(s.pair >= 0)] = np.inf

@@ -49,14 +49,18 @@ def test_neighbours_are_those_of_looking_at_all(seed, n):
 
 @pytest.mark.parametrize(("seed", "n"), [(0, 1), (1, 9), (2, 14), (3, 14)])
 def test_the_gap_to_the_next_weed(seed, n):
-    some = plants(seed, n)
-    for i, count, looked_at, most in product(range(n), (n, max(n - 3, 1)), (1, 3, 20), (inf, 0.05)):
+    some, none = plants(seed, n), np.zeros(n)
+    leaves = np.random.default_rng(seed).choice([0.0, 0.01, 0.2], n)
+    for i, count, looked_at, most, reach in product(
+        range(n), (n, max(n - 3, 1)), (1, 3, 20), (inf, 0.05), (none, leaves)
+    ):
         if i >= count:
             continue
         known = [j for j in range(max(i - looked_at, 0), min(i + looked_at + 1, count)) if j != i]
-        apart = [hypot(*(some[j] - some[i])) for j in known if abs(some[j, 0] - some[i, 0]) <= most]
-        assert gaps.gap_to_weed(some, count, i, looked_at, most) == pytest.approx(min(apart, default=inf))
-    assert gaps.weed_gaps(some, n) == pytest.approx(
+        nearest = min((hypot(*(some[j] - some[i])) - reach[i] - reach[j] for j in known), default=inf)
+        found = gaps.gap_to_weed(some, reach, count, i, looked_at, most)
+        assert found == pytest.approx(nearest) or min(found, nearest) >= most
+    assert gaps.weed_gaps(some, none, n) == pytest.approx(
         [min((hypot(*(some[j] - some[i])) for j in range(n) if j != i), default=inf) for i in range(n)]
     )
 

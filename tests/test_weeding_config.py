@@ -129,7 +129,7 @@ def test_both_tools_meet_the_headline_scenario_by_default():
         ({"false_sightings": (((0.0,) * 7 + (1.5,),),) * 3}, "rows of 8"),
         ({"crop_gap_m": (0.2, 0.1), "odds_near_crop": (1.0, 1.0, 1.0)}, "ascending"),
         ({"odds_near_weed": (1.0, 1.0)}, "give 1 factors"),
-        ({"recall": ((2.0, 1.0, 1.0), (1.0, 1.0, 1.0))}, "[0, 1]"),
+        ({"recall": (((2.0, 1.0, 1.0), (1.0, 1.0, 1.0)),) * 2}, "[0, 1]"),
     ],
 )
 def test_statistics_of_cameras_that_make_no_sense_are_refused(changes, words):

@@ -18,7 +18,7 @@ from fieldgym.envs.weeding.scene import SOIL
 from fieldgym.envs.weeding.sighting import Cameras, draw_tracks
 from fieldgym.envs.weeding.state import FAR_M
 from fieldgym.envs.weeding.tools.hoe.process import HoeProcessConfig
-from fieldgym.envs.weeding.tools.laser.calibration import MATCH_M, factors, kept, match
+from fieldgym.envs.weeding.tools.laser.calibration import KEPT, MATCH_M, factors, kept, match
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.scene import WeederScene
 from fieldgym.motion.orientation import axes, from_euler
@@ -261,11 +261,14 @@ def test_the_model_finds_as_many_weeds_as_its_chances_say():
     plants, tracks = drawn(model)
     chance = np.zeros(plants.exists.shape)
     for row, there in enumerate(plants.exists):
-        crop_gap_m, weed_gap_m = crop_gaps(plants.crop[row], plants.weed[row]), weed_gaps(plants.weed[row], LOOKED_AT)
-        odds = np.array(model.odds_near_crop)[np.searchsorted(model.crop_gap_m, crop_gap_m)]
-        odds = odds * np.array(model.odds_near_weed)[np.searchsorted(model.weed_gap_m, weed_gap_m)]
-        recall = np.array(model.recall)[plants.species[row], plants.stage[row]]
-        chance[row] = np.where(there, recall * odds / (1.0 - recall + recall * odds), 0.0)
+        weed, kind = plants.weed[row][there], (plants.species[row][there], plants.stage[row][there])
+        reach_m = np.array(model.reach_m)[kind]
+        at_crop = np.searchsorted(model.crop_gap_m, crop_gaps(plants.crop[row], weed) - reach_m)
+        at_weed = np.searchsorted(model.weed_gap_m, weed_gaps(weed, reach_m, LOOKED_AT))
+        alone = (at_crop == len(model.crop_gap_m)) & (at_weed == len(model.weed_gap_m))
+        odds = np.array(model.odds_near_crop)[at_crop] * np.array(model.odds_near_weed)[at_weed]
+        recall = np.where(alone, np.array(model.recall)[0][kind], np.array(model.recall)[1][kind])
+        chance[row, : len(weed)] = recall * odds / (1.0 - recall + recall * odds)
     assert np.all((chance >= 0.0) & (chance <= 1.0))
     spread = np.sqrt((chance * (1.0 - chance)).sum())
     # A few tracks end outside the treated band: they are not reported.
@@ -274,7 +277,7 @@ def test_the_model_finds_as_many_weeds_as_its_chances_say():
 
 
 def test_false_tracks_come_at_their_rates():
-    model = replace(EASY, recall=((0.0,) * 3,) * 2, false_rates=(0.05, 0.02, 1.0))
+    model = replace(EASY, recall=(((0.0,) * 3,) * 2,) * 2, false_rates=(0.05, 0.02, 1.0))
     _, tracks = drawn(model, 400)
     area = SCENARIO.strip_m * SCENARIO.band_m
     mean = 0.05 * SCENARIO.density_per_m2 * area + 0.02 * (SCENARIO.crops - 3) + area
@@ -296,10 +299,11 @@ def test_nearest_weed_is_brute_force():
     weed = rng.uniform([0.0, -0.2], [2.0, 0.2], (4, 40, 2))
     weed = np.take_along_axis(weed, np.argsort(weed[..., 0], axis=1)[..., None], axis=1)
     gap = np.hypot(*(weed[:, :, None] - weed[:, None]).transpose(3, 0, 1, 2)) + 9.0 * np.eye(40)
-    assert np.allclose([weed_gaps(one, 40) for one in weed], gap.min(axis=2))
+    assert np.allclose([weed_gaps(one, np.zeros(40), 40) for one in weed], gap.min(axis=2))
     # What stands within 2 cm is found although only the next six along are looked at.
     near = gap.min(axis=2) < 0.02
-    assert np.allclose(np.array([weed_gaps(one, LOOKED_AT) for one in weed])[near], gap.min(axis=2)[near])
+    found = np.array([weed_gaps(one, np.zeros(40), LOOKED_AT) for one in weed])
+    assert np.allclose(found[near], gap.min(axis=2)[near])
 
 
 def test_an_empty_class_of_sightings_is_refused():
@@ -335,7 +339,7 @@ def test_kept_sightings_keep_the_distribution_of_the_errors_and_are_never_none()
     rng = np.random.default_rng(2)
     rows = rng.standard_t(2.0, (900, 8))
     sample = np.array(kept(rows))
-    assert 0 < len(sample) < 100
+    assert len(sample) == KEPT
     error, all_errors = np.hypot(sample[:, 2], sample[:, 3]), np.hypot(rows[:, 2], rows[:, 3])
     for share in (25, 50, 75, 90):
         assert np.percentile(error, share) == pytest.approx(np.percentile(all_errors, share), rel=0.05)

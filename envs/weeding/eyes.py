@@ -66,7 +66,7 @@ class ClassicalEyes:
 class LearnedEyes:
     """A network for each camera; see ``perception.stems``."""
 
-    least, calibrates = 0.45, True
+    least, calibrates = 0.44, True
 
     def __init__(self, front: StemNet, tool: StemNet):
         """Take the networks."""

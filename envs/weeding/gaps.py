@@ -54,27 +54,28 @@ def gap_to_crop(crop: Array, along_m: float, across_m: float, before: int) -> fl
 
 
 @compiled
-def gap_to_weed(weed: Array, count: int, i: int, looked_at: int, most_m: float) -> float:
-    """Distance from weed ``i`` to the nearest other one.
+def gap_to_weed(weed: Array, reach_m: Array, count: int, i: int, looked_at: int, most_m: float) -> float:
+    """Distance from weed ``i`` to the nearest other one, less how far the leaves of both reach.
 
     Args:
         weed: places, sorted along.
+        reach_m: (count,), how far from their stems leaves reach; zeros for the distance of the stems.
         count: so many of them are weeds.
         i: the weed.
         looked_at: only so many on either side along may be the nearest.
         most_m: what is farther may count as infinitely far.
     """
-    best = np.inf
+    best, both_m = np.inf, reach_m[i] + reach_m[:count].max()
     for j in range(i + 1, min(i + looked_at + 1, count)):
         along = weed[j, G.along] - weed[i, G.along]
-        if along >= best or along > most_m:
+        if along - both_m >= min(best, most_m):
             break
-        best = min(best, np.hypot(along, weed[j, G.across] - weed[i, G.across]))
+        best = min(best, np.hypot(along, weed[j, G.across] - weed[i, G.across]) - (reach_m[i] + reach_m[j]))
     for j in range(i - 1, max(i - looked_at - 1, -1), -1):
         along = weed[i, G.along] - weed[j, G.along]
-        if along >= best or along > most_m:
+        if along - both_m >= min(best, most_m):
             break
-        best = min(best, np.hypot(along, weed[i, G.across] - weed[j, G.across]))
+        best = min(best, np.hypot(along, weed[i, G.across] - weed[j, G.across]) - (reach_m[i] + reach_m[j]))
     return best
 
 
@@ -101,9 +102,9 @@ def crop_gaps(crop: Array, places: Array) -> Array:
 
 
 @compiled
-def weed_gaps(weed: Array, looked_at: int) -> Array:
-    """``gap_to_weed`` (N,) of weeds (N, 2)."""
+def weed_gaps(weed: Array, reach_m: Array, looked_at: int) -> Array:
+    """``gap_to_weed`` (N,) of weeds (N, 2) with leaves that reach so far (N,)."""
     gaps = np.empty(len(weed))
     for i in range(len(weed)):
-        gaps[i] = gap_to_weed(weed, len(weed), i, looked_at, np.inf)
+        gaps[i] = gap_to_weed(weed, reach_m, len(weed), i, looked_at, np.inf)
     return gaps

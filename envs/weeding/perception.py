@@ -21,6 +21,9 @@ TOOL_GATE_M = 0.022
 
 Sightings = tuple[tuple[tuple[float, ...], ...], ...]
 """Classes of sightings, each sighting a row of eight numbers, see ``Sighting``."""
+ByKind = tuple[tuple[float, float, float], tuple[float, float, float]]
+"""A number for each species and stage."""
+_NO_REACH: ByKind = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 class Sighting(NamedTuple):
@@ -59,18 +62,20 @@ class PerceptionModel(Config):
     Fitted by ``scripts/measure_camera.py`` to rendered images; ``perfect`` is the truth.
     """
 
-    recall: tuple[tuple[float, float, float], tuple[float, float, float]] = num(..., 0.0, 1.0, "")
-    """Probability that a weed becomes a track, by species (broadleaf, grass) and stage, where it stands alone."""
-    crop_gap_m: tuple[float, ...] = num(..., 0.0, 1.0, "m")
-    """Ascending distances to the nearest crop plant that part the factors of ``odds_near_crop``."""
+    recall: tuple[ByKind, ByKind] = num(..., 0.0, 1.0, "")
+    """Probability that a weed becomes a track, by species (broadleaf, grass) and stage: where it stands alone, beyond
+    all of ``crop_gap_m`` and ``weed_gap_m``, and, before their factors, where it does not."""
+    crop_gap_m: tuple[float, ...] = num(..., -1.0, 1.0, "m")
+    """Ascending distances to the nearest crop plant, less ``reach_m``, that part the factors of ``odds_near_crop``."""
     odds_near_crop: tuple[float, ...] = num(..., 0.0, 1e6, "")
     """Factors on the odds of becoming a track, from under the crop plant's leaves outwards."""
-    weed_gap_m: tuple[float, ...] = num(..., 0.0, 1.0, "m")
-    """The same for the distance to the nearest other weed: plants that touch may be taken for one."""
+    weed_gap_m: tuple[float, ...] = num(..., -1.0, 1.0, "m")
+    """The same for the distance to the nearest other weed, less the reach of both: plants that touch may be taken for
+    one."""
     odds_near_weed: tuple[float, ...] = num(..., 0.0, 1e6, "")
     """See ``odds_near_crop``."""
-    crowded_m: tuple[float, float] = num(..., 0.0, 1.0, "m")
-    """A weed is at a crop plant, or beside another weed, when these are nearer than that."""
+    crowded_m: tuple[float, float] = num(..., -1.0, 1.0, "m")
+    """A weed is at a crop plant, or beside another weed, when these are nearer than that, less reaches as before."""
     sightings: Sightings = num(..., -1.0, 2.0, "")
     """Of tracked weeds in 18 classes, index ``6 neighbourhood + 3 species + stage``: alone, by a weed, at a crop."""
     false_rates: tuple[float, float, float] = num(..., 0.0, 100.0, "")
@@ -83,6 +88,8 @@ class PerceptionModel(Config):
     """From the frame that confirms a track to its use."""
     frames_m: float = num(0.0, 0.0, 10.0, "m")
     """Distance that the cart drives between a weed's entering the view and its confirmation."""
+    reach_m: ByKind = num(_NO_REACH, 0.0, 1.0, "m")
+    """How far from its stem a weed's leaves reach, by species and stage: what is nearer than that touches them."""
 
     def check(self) -> None:
         """Hold the tables to their shapes."""
@@ -127,7 +134,7 @@ class PerceptionModel(Config):
         kinds = tuple(((*exact, float(s), float(g), 1.0),) for s in range(len(SPECIES)) for g in range(len(STAGES)))
         nothing = ((*exact, 0.0, 0.0, 1.0),)
         return cls(
-            recall=(ones, ones),
+            recall=((ones, ones), (ones, ones)),
             crop_gap_m=(),
             odds_near_crop=(1.0,),
             weed_gap_m=(),

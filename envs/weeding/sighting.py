@@ -29,10 +29,11 @@ class Cameras(NamedTuple):
     """What tracks are drawn from: perception model and scenario in the shape that a kernel takes.
 
     Attributes:
-        recall: (species, stage), chance that a weed becomes a track where it stands alone.
-        crop_gap_m: ascending distances to a crop plant that part ``crop_odds``.
+        recall: (alone or not, species, stage), chance that a weed becomes a track, see ``PerceptionModel``.
+        reach_m: (species, stage), how far from its stem a weed's leaves reach.
+        crop_gap_m: ascending distances from these to a crop plant that part ``crop_odds``.
         crop_odds: factors on the odds of becoming a track.
-        weed_gap_m: as ``crop_gap_m``, to the nearest other weed.
+        weed_gap_m: as ``crop_gap_m``, to the leaves of the nearest other weed.
         weed_odds: see ``crop_odds``.
         crowded_m: nearer than that a weed is at a crop plant, beside another weed.
         alone_m: how much farther the nearest other weed is makes no difference.
@@ -52,6 +53,7 @@ class Cameras(NamedTuple):
     """
 
     recall: Array
+    reach_m: Array
     crop_gap_m: Array
     crop_odds: Array
     weed_gap_m: Array
@@ -83,6 +85,7 @@ class Cameras(NamedTuple):
         first, second, _ = (np.cumsum(means) / max(in_order(means), 1e-12)).tolist()
         return cls(
             recall=np.array(perception.recall, float),
+            reach_m=np.array(perception.reach_m, float),
             crop_gap_m=np.array(perception.crop_gap_m, float),
             crop_odds=np.array(perception.odds_near_crop, float),
             weed_gap_m=np.array(perception.weed_gap_m, float),
@@ -194,16 +197,23 @@ def see_weeds(
     count, weed, crop, half_m = 0, plants.weed[r], plants.crop[r], 0.5 * cameras.band_m
     chance, lot = lots.seen[r], lots.sighting[r]
     recall, first, holds, before = cameras.recall, cameras.first, cameras.holds, 0
+    reach_m = np.empty(weeds)
+    for i in range(weeds):
+        reach_m[i] = cameras.reach_m[int(plants.species[r, i]), int(plants.stage[r, i])]
     for i in range(weeds):
         along, across = weed[i, G.along], weed[i, G.across]
         species, stage = int(plants.species[r, i]), int(plants.stage[r, i])
         before = passed(crop, along, before)
         crop_gap = gap_to_crop(crop, along, across, before)
-        weed_gap = gap_to_weed(weed, weeds, i, LOOKED_AT, cameras.alone_m)
-        odds = odds_at(cameras.crop_gap_m, cameras.crop_odds, crop_gap)
-        odds = odds * odds_at(cameras.weed_gap_m, cameras.weed_odds, weed_gap)
-        if chance[i] < track_chance(float(recall[species, stage]), odds):
-            kind = 6 * neighbourhood(cameras.crowded_m, crop_gap, weed_gap) + 3 * species + stage
+        weed_gap = gap_to_weed(weed, reach_m, weeds, i, LOOKED_AT, cameras.alone_m)
+        at_crop, at_weed = (
+            count_below(cameras.crop_gap_m, crop_gap - reach_m[i]),
+            count_below(cameras.weed_gap_m, weed_gap),
+        )
+        crowded = at_crop < len(cameras.crop_gap_m) or at_weed < len(cameras.weed_gap_m)
+        odds = cameras.crop_odds[at_crop] * cameras.weed_odds[at_weed]
+        if chance[i] < track_chance(float(recall[int(crowded), species, stage]), odds):
+            kind = 6 * neighbourhood(cameras.crowded_m, crop_gap - reach_m[i], weed_gap) + 3 * species + stage
             row = int(first[kind]) + int(holds[kind] * lot[i])
             gap_m[count] = crop_gap
             count = tell(told, count, cameras.sightings, row, carrying, r, along, across, half_m)
@@ -297,12 +307,6 @@ def tell(
 def within_gate(along_m: float, across_m: float) -> bool:
     """Whether a plant is near enough for the tool camera: so far from where it was told to look."""
     return along_m * along_m + across_m * across_m <= TOOL_GATE_M * TOOL_GATE_M
-
-
-@compiled
-def odds_at(gaps_m: Array, factors: Array, gap_m: float) -> float:
-    """Factor on the odds of becoming a track at a distance to something, see ``Cameras.crop_odds``."""
-    return factors[count_below(gaps_m, gap_m)]
 
 
 @compiled

@@ -33,8 +33,11 @@ PART_M, CANOPY_M = 0.040, 0.060
 """A false track this near to a weed is a part of it; this near to a crop plant, it is at its leaves."""
 CROP_AS_WEED_M = 0.020
 """A false track this near to a crop plant's stem would cost the crop plant."""
-CROP_GAP_M, WEED_GAP_M, CROWDED_M = (0.030, 0.045, 0.060), (0.012, 0.025, 0.050), (0.060, 0.030)
-KEPT = 64
+REACH_M = (0.009, 0.017, 0.028), (0.012, 0.019, 0.030)
+"""The longest leaf of a broadleaf, and half a grass's longest blade: it lies to one side."""
+CROP_GAP_M, WEED_GAP_M, CROWDED_M = (0.012, 0.024, 0.034, 0.044), (-0.022, -0.013, -0.005, 0.006), (0.044, -0.008)
+"""Distances less the reach that part classes, each of about as many weeds, the last of all others."""
+KEPT = 128
 """Sightings kept of each class."""
 
 
@@ -42,7 +45,8 @@ class Strips(NamedTuple):
     """What was measured on the strips of one tier.
 
     Attributes:
-        weeds: (n, 4), species, stage, distance to the nearest crop plant and to the nearest weed.
+        weeds: (n, 4), species, stage, distance to the nearest crop plant and to the nearest weed, both less
+            ``REACH_M``.
         sightings: (n, 8), see ``PerceptionModel``; NaN where the weed did not become a track.
         after_m: (n,), way from entering the view to confirmation, NaN as before.
         false: per class of false tracks, their sightings.
@@ -149,7 +153,8 @@ def join(config: WeedingConfig, all_seen: list[Seen], counts: dict[str, int]) ->
     for s in all_seen:
         # A track belongs to the weed that it shows, or to the one that the tool would be used on.
         pairs = {b: a for a, b in match(s.place, s.weed, s.aim)}
-        gaps = crop_gaps(s.crop, s.weed), weed_gaps(s.weed, LOOKED_AT)
+        reach_m = np.array(REACH_M)[s.kind[:, 0], s.kind[:, 1]]
+        gaps = crop_gaps(s.crop, s.weed) - reach_m, weed_gaps(s.weed, reach_m, LOOKED_AT)
         weeds.append(np.column_stack([s.kind, *gaps]))
         for j in range(len(s.weed)):
             i = pairs.get(j)
@@ -216,16 +221,18 @@ def fit(parts: list[Strips], calibrated: bool = False) -> dict[str, Any]:
     weeds, rows = (np.concatenate([getattr(p, name) for p in parts]) for name in ("weeds", "sightings"))
     species, stage, found = weeds[:, 0].astype(int), weeds[:, 1].astype(int), np.isfinite(rows[:, 0])
     kind = 3 * species + stage
-    bins = kind, np.searchsorted(CROP_GAP_M, weeds[:, 2]), np.searchsorted(WEED_GAP_M, weeds[:, 3])
-    odds = factors(bins, (6, len(CROP_GAP_M) + 1, len(WEED_GAP_M) + 1), found)
-    recall = odds[0] / (1.0 + odds[0])
+    at_crop, at_weed = np.searchsorted(CROP_GAP_M, weeds[:, 2]), np.searchsorted(WEED_GAP_M, weeds[:, 3])
+    # What stands alone is hardly ever missed, whatever it is: how kinds differ among others says nothing of that.
+    crowded = (at_crop < len(CROP_GAP_M)) | (at_weed < len(WEED_GAP_M))
+    odds = factors((kind + 6 * crowded, at_crop, at_weed), (12, len(CROP_GAP_M) + 1, len(WEED_GAP_M) + 1), found)
+    recall = (odds[0] / (1.0 + odds[0])).reshape(2, 2, 3)
     table = 6 * np.array([neighbourhood(CROWDED_M, *gaps_m) for gaps_m in weeds[:, 2:4].tolist()]) + kind
     totals = [sum(len(p.false[c]) for p in parts) for c in range(3)]
     per = len(weeds), sum(p.crops for p in parts), sum(p.area_m2 for p in parts)
     after = np.concatenate([p.after_m for p in parts])
     left = float(np.sqrt(np.mean(np.concatenate([p.drift_share for p in parts]) ** 2)))
     return {
-        "recall": [[round(float(v), 4) for v in recall[3 * s : 3 * s + 3]] for s in (0, 1)],
+        "recall": recall.round(4).tolist(),
         "crop_gap_m": list(CROP_GAP_M),
         "odds_near_crop": [round(float(v), 5) for v in odds[1]],
         "weed_gap_m": list(WEED_GAP_M),
@@ -239,6 +246,7 @@ def fit(parts: list[Strips], calibrated: bool = False) -> dict[str, Any]:
         "drift_share": round(left, 5) if calibrated else DRIFT_SHARE,
         "delay_s": DELAY_S,
         "frames_m": round(float(np.nanmedian(after)), 3),
+        "reach_m": [list(row) for row in REACH_M],
     }
 
 
