@@ -147,7 +147,7 @@ def test_what_was_swept_is_worth_less_and_what_lies_beside_is_counted():
     nothing, first_deep = Taken(0, 0, 0), Taken(0b001, 0, 0b001)
     own = tables.own[1, 5, :, 3]
     # Of the last the cameras are not sure.
-    doubted = tables.own[1, 5, 5, 1]
+    doubted = tables.own[1, 5, 5, 0]
     assert kills(fresh, 0, 2, 2, nothing) == pytest.approx(doubted[2]) and doubted[2] < own[5, 2]
     assert kills(fresh, 0, 0, 2, nothing) == pytest.approx(own[2, 2] + tables.beside[1, 2, 3, 2])
     # Behind the first the second has itself only, of which the first has left a share.
