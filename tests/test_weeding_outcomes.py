@@ -141,7 +141,7 @@ def test_what_was_swept_is_worth_less_and_what_lies_beside_is_counted():
     config, tool = tool_of("fieldgym/HoeWeeding-v0")
     tables, count = outcomes_of(config, tool.perception, tool.process), np.array([3])
     place, kind, gap_m, fresh = one_world([[1.0, 0.0], [1.012, 0.0], [1.3, 0.0]])
-    memory, sure = Memory.blank(1), np.array([[1.0, 1.0, 0.6]])
+    memory, sure = Memory.blank(1), np.array([[1.0, 1.0, 0.3]])
     believe(tables, memory, count, place, kind, gap_m, sure, fresh)
     assert fresh.near[0].tolist() == [0b010, 0b001, 0]
     nothing, first_deep = Taken(0, 0, 0), Taken(0b001, 0, 0b001)
