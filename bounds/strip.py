@@ -1,9 +1,10 @@
 """A strip of field under a cart at a steady speed as a time-expanded graph, for any weeding tool; compiled.
 
-States are a finished work on a target in a mode, and the waiting machine. What a way takes follows from the tool's own
+States are a finished work on a target, in whatever mode, and the waiting machine. What a way takes follows from the tool's own
 ``approach``, from the place at which the arm stood while it worked. That place is known but for its lean along the
 row, which the machine chose when it set out, a move earlier: whatever suits the next way best of what it may have been
-is taken. Times are rounded down, and a state may be kept for free, so no true schedule is missing.
+is taken. Times are rounded down, and a state may be kept for free, so no true schedule is missing; nor is one when a
+way is left out that may as well be gone a tick later.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ class Strip(NamedTuple):
         aim_m: (J, 2), where it works.
         slack_m: (J,), how far the machine may believe it from ``told_m``.
         stand_s: (J,), standing over it.
+        track: (J,), what is worked on once at most, -1 where that is not known.
         cart_m: position of the cart in the beginning.
         speed_m_s: of the cart.
         front_m: the window begins this far in front of the machine's middle and ends as far behind it.
@@ -44,6 +46,7 @@ class Strip(NamedTuple):
     aim_m: Array
     slack_m: Array
     stand_s: Array
+    track: Numbers
     cart_m: float
     speed_m_s: float
     front_m: float
@@ -105,28 +108,37 @@ def build(arm: Any, strip: Strip, shortest_s: Array) -> tuple[Numbers, Any, Any,
     """
     n, dt, v = len(strip.stand_s), strip.tick_s, strip.speed_m_s
     ticks = int(strip.until_s / dt) + 2
-    first_tick, last_tick = np.empty(n + 1, np.int64), np.empty(n + 1, np.int64)
+    # Where the machine may stand: modes of one track have a place in common.
+    where, places = np.empty(n, np.int64), 0
+    for j in range(n):
+        if j == 0 or strip.track[j] < 0 or strip.track[j] != strip.track[j - 1]:
+            places += 1
+        where[j] = places - 1
+    begins = np.searchsorted(where, np.arange(places + 1))
+    soonest = np.empty(n, np.int64)
+    first_tick, last_tick = np.full(places + 1, ticks), np.empty(places + 1, np.int64)
     for j in range(n):
         far = strip.front_m + strip.slack_m[j]
         enters, leaves = (
             (strip.told_m[j, G.along] - far - strip.cart_m) / v,
             (strip.told_m[j, G.along] + far - strip.cart_m) / v,
         )
-        first_tick[j] = max(int((max(enters, 0.0) + strip.stand_s[j]) / dt), 1)
-        last_tick[j] = min(int(leaves / dt) + 1, ticks - 1)
-    first_tick[n], last_tick[n] = 0, ticks - 1
+        soonest[j] = max(int((max(enters, 0.0) + strip.stand_s[j]) / dt), 1)
+        first_tick[where[j]] = min(first_tick[where[j]], soonest[j])
+        last_tick[where[j]] = min(int(leaves / dt) + 1, ticks - 1)
+    first_tick[places], last_tick[places] = 0, ticks - 1
     # Nodes are numbered from the last tick to the first, so every edge leads to a smaller number.
-    number = np.full((n + 1, ticks), -1, np.int32)
+    number = np.full((places + 1, ticks), -1, np.int32)
     nodes = 0
     for tick in range(ticks - 1, -1, -1):
-        for j in range(n + 1):
-            if first_tick[j] <= tick <= last_tick[j]:
-                number[j, tick] = nodes
+        for p in range(places + 1):
+            if first_tick[p] <= tick <= last_tick[p]:
+                number[p, tick] = nodes
                 nodes += 1
     state, when = np.empty(nodes, np.int64), np.empty(nodes, np.int64)
-    for j in range(n + 1):
-        for tick in range(first_tick[j], last_tick[j] + 1):
-            state[number[j, tick]], when[number[j, tick]] = j, tick
+    for p in range(places + 1):
+        for tick in range(first_tick[p], last_tick[p] + 1):
+            state[number[p, tick]], when[number[p, tick]] = p, tick
     wait, end_s = np.empty(nodes, np.int64), np.empty(nodes)
     first = np.zeros(nodes + 1, np.int64)
     room = nodes * 8 + 1024
@@ -134,30 +146,33 @@ def build(arm: Any, strip: Strip, shortest_s: Array) -> tuple[Numbers, Any, Any,
     edges, high = 0, n - 1
     pause = max(int(strip.moment_s / dt), 1)
     grain, early_m = v * dt, v * strip.late_s + strip.front_m + strip.slack_m.max()
+    # When an option ends for who sets out from a place a tick later.
+    later = np.full((places + 1, n), ticks, np.int32)
     for node in range(nodes):
         first[node] = edges
-        i, tick = state[node], when[node]
-        waiting, cart = i == n, strip.cart_m + v * tick * dt
-        wait[node] = number[i, tick + 1] if tick < last_tick[i] else node
+        at, tick = state[node], when[node]
+        waiting, cart = at == places, strip.cart_m + v * tick * dt
+        wait[node] = number[at, tick + 1] if tick < last_tick[at] else node
         end_s[node] = tick * dt
         if edges + n + 1 > len(to):
             to, option = np.append(to, np.empty(len(to), np.int32)), np.append(option, np.empty(len(option), np.int32))
-        lean_low, lean_high = np.inf, -np.inf
+        lean_low, lean_high, i = np.inf, -np.inf, -1
         if waiting:
             place = ready(arm, cart)
             lean_low, lean_high = place.lean_m, place.lean_m
         else:
+            i = begins[at]
             place = Place(strip.aim_m[i, G.along], 0.0, strip.aim_m[i, G.across])
-            for late in (shortest_s[i] - dt, strip.late_s):
-                # The lean was chosen a move and the standing time earlier.
-                then = cart - v * (strip.stand_s[i] + late)
-                stand, along, across = float(strip.stand_s[i]), strip.told_m[i, G.along], strip.told_m[i, G.across]
-                lean = approach(arm, stand, place, then, v, along, across).lean_m
-                lean_low, lean_high = min(lean_low, lean), max(lean_high, lean)
+            for mode in range(begins[at], begins[at + 1]):
+                for late in (shortest_s[mode] - dt, strip.late_s):
+                    # The lean was chosen a move and the standing time earlier.
+                    stand, along, across = float(strip.stand_s[mode]), strip.told_m[i, G.along], strip.told_m[i, G.across]
+                    lean = approach(arm, stand, place, cart - v * (stand + late), v, along, across).lean_m
+                    lean_low, lean_high = min(lean_low, lean), max(lean_high, lean)
             if tick + pause < ticks:
-                to[edges], option[edges] = number[n, tick + pause], n
+                to[edges], option[edges] = number[places, tick + pause], n
                 edges += 1
-        aim = place.carrier_m + (place.lean_m if waiting else 0.0)
+        aim, across_m = place.carrier_m + (place.lean_m if waiting else 0.0), place.across_m
         # Ticks run backwards here, and with them the cart.
         while high >= 0 and strip.told_m[high, G.along] > cart + early_m:
             high -= 1
@@ -165,14 +180,15 @@ def build(arm: Any, strip: Strip, shortest_s: Array) -> tuple[Numbers, Any, Any,
             told, across = strip.told_m[k, G.along], strip.told_m[k, G.across]
             if told < cart - early_m:
                 break
-            if last_tick[k] <= tick or k == i:
+            kept, later[at, k] = later[at, k], ticks
+            if last_tick[where[k]] <= tick or where[k] == at:
                 continue
             slack = strip.slack_m[k] + (0.0 if waiting else strip.slack_m[i])
             way = approach(arm, strip.stand_s[k], place, cart, v, told, across)
             move_s, lean = least_move_s(
-                arm, way.carrier_m, way.lean_m, across - place.across_m, aim, lean_low, lean_high, slack + grain
+                arm, way.carrier_m, way.lean_m, across - across_m, aim, lean_low, lean_high, slack + grain
             )
-            place = Place(aim - lean, lean, place.across_m)
+            place = Place(aim - lean, lean, across_m)
             way = approach(arm, strip.stand_s[k], place, cart, v, told, across)
             if not way.legal and slack == 0.0 and way.wait_s <= 0.0:
                 continue
@@ -181,12 +197,13 @@ def build(arm: Any, strip: Strip, shortest_s: Array) -> tuple[Numbers, Any, Any,
             if enters_s > strip.late_s:
                 continue
             then = int((tick * dt + max(move_s, enters_s) + strip.stand_s[k]) / dt)
-            then = max(then, first_tick[k], tick + 1)
-            if then <= last_tick[k]:
-                to[edges], option[edges] = number[k, then], k
+            then = max(then, soonest[k], tick + 1)
+            later[at, k] = then
+            if then <= last_tick[where[k]] and then < kept:
+                to[edges], option[edges] = number[where[k], then], k
                 edges += 1
     first[nodes] = edges
-    return first, to[:edges].copy(), option[:edges].copy(), wait, end_s, int(number[n, 0])
+    return first, to[:edges].copy(), option[:edges].copy(), wait, end_s, int(number[places, 0])
 
 
 @compiled

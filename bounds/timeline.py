@@ -20,7 +20,7 @@ from ..kernels import compiled
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-_PATIENCE = 6
+_PATIENCE = 4
 """Steps without a smaller bound after which steps are halved."""
 _MEMORY = 0.6
 """Share of the last direction in the next one."""
@@ -113,6 +113,29 @@ def option_weights(graph: Timeline, prices: Array, cost: Array, weight: Array) -
             weight[option] += graph.share[place] * prices[graph.share_thing[place]]
 
 
+@compiled
+def carried_out(
+    graph: Timeline, options: Numbers, gain: Array, cost: Array, whole: NDArray[np.bool_], served: Array
+) -> float:
+    """What options (n,) bring one after the other; ``served`` (things,), zero before, adds up their shares."""
+    worth = 0.0
+    for option in options:
+        new, begun = 0.0, False
+        for place in range(graph.share_first[option], graph.share_first[option + 1]):
+            thing, share = graph.share_thing[place], graph.share[place]
+            had, has = min(served[thing], 1.0), min(served[thing] + share, 1.0)
+            if not whole[thing]:
+                new += gain[thing] * (has - had)
+            elif had < 1.0 and has >= 1.0 - 1e-9:
+                new += gain[thing]
+            begun = begun or (whole[thing] and share < 1.0)
+            served[thing] += share
+        # A decision that brings nothing new is left out: that takes no longer.
+        if new > cost[option] or begun:
+            worth += new - cost[option]
+    return worth
+
+
 def priced(
     graph: Timeline,
     gain: Array,
@@ -124,6 +147,7 @@ def priced(
     tolerance: float = 1e-4,
     found: float = float("nan"),
     begin: Array | None = None,
+    beside: Array | None = None,
     whole: NDArray[np.bool_] | None = None,
 ) -> Priced:
     """Smallest bound found on the gains of the things served, less the options' costs, plus the worth of the end.
@@ -138,7 +162,8 @@ def priced(
         time_limit_s: wall seconds after which no step begins.
         tolerance: relative gap at which to stop.
         found: what a schedule is known to be worth, or NaN.
-        begin: (things,), prices to begin with beside the usual ones.
+        begin: (things,), prices to begin with instead of those.
+        beside: (things,), prices that are tried beside all others; steps from there would be in vain.
         whole: (things,), whether shares of a thing gain nothing until they add up to 1; by default of all. Shares of
             the others gain what they are, up to 1.
     """
@@ -156,27 +181,17 @@ def priced(
         value = longest_path(graph, weight, end, best, way) + float((gain - prices).sum())
         count, last = follow(graph, way, taken)
         served = np.zeros(things)
-        worth = float(end[last])
-        for option in taken[:count].tolist():
-            here = slice(graph.share_first[option], graph.share_first[option + 1])
-            thing, share = graph.share_thing[here], graph.share[here]
-            # A decision that brings nothing new is left out: that takes no longer.
-            all_in = (served[thing] < 1.0) & (served[thing] + share >= 1.0 - 1e-9)
-            some = np.minimum(served[thing] + share, 1.0) - np.minimum(served[thing], 1.0)
-            new = float((gain[thing] * np.where(whole[thing], all_in, some)).sum())
-            if new > cost[option] or bool((whole[thing] & (share < 1.0)).any()):
-                worth += new - float(cost[option])
-            served[thing] += share
-        found = max(found, worth)
+        found = max(found, carried_out(graph, taken[:count], gain, cost, whole, served) + float(end[last]))
         return value, served
 
     scale = float(gain.max(initial=0.0)) / max(float(guess.min(initial=1.0)), 1e-9)
     prices, bound, served = gain.copy(), np.inf, np.zeros(things)
-    trials = [np.minimum(gain, part * scale * guess) for part in (0.0, 0.05, 0.15, 0.3, 0.5, 0.8)]
-    for trial in trials if begin is None else [*trials, np.minimum(begin, gain)]:
-        value, counts = at(trial)
+    trials = [part * scale * guess for part in (0.0, 0.05, 0.15, 0.3, 0.5, 0.8)]
+    for trial in trials if begin is None else [begin]:
+        within = np.clip(trial, 0.0, gain)
+        value, counts = at(within)
         if value < bound:
-            prices, bound, served = trial, value, counts
+            prices, bound, served = within, value, counts
     direction, factor, stale, here = np.zeros(things), 1.0, 0, prices
     for _ in range(rounds):
         gap = bound - found
@@ -198,4 +213,8 @@ def priced(
             if stale == _PATIENCE:
                 factor, stale, here, direction = 0.5 * factor, 0, prices, np.zeros(things)
                 served = at(here)[1]
+    if beside is not None:
+        within = np.clip(beside, 0.0, gain)
+        value, _ = at(within)
+        bound, prices = (value, within) if value < bound else (bound, prices)
     return Priced(float(bound), found, prices)

@@ -206,6 +206,7 @@ class WeedingInstance:
             shots.aim_m,
             shots.slack_m,
             shots.stand_s,
+            shots.track,
             self.cart_m,
             speed,
             self.arm.front_m,
@@ -226,10 +227,12 @@ class WeedingInstance:
         rounds = HOPED_ROUNDS if shots is self.hoped else ROUNDS if self.drawn else FEW_ROUNDS
         no_end = np.zeros(len(end_s))
         end = -second * np.maximum(end_s, self.least_s)
-        # Where time is not short a weed's price is what its shot costs.
+        # Where time is not short a weed's price is what its shot costs; else so much more as its seconds are worth.
         gain = shots.worth * weights.killed
-        begin = shots.least(np.maximum(shots.due(weights.killed), 0.0)[each] / shots.share)
-        begin[~shots.whole] = gain[~shots.whole]
+        free = shots.least(np.maximum(shots.due(weights.killed), 0.0)[each] / shots.share)
+        free[~shots.whole] = gain[~shots.whole]
+        least = shots.least(shots.cost[each] / shots.share)
+        least[~shots.whole] = 0.0
         energy, scarce_j = np.append(shots.energy_j, 0.0), float(config.scenario.energy_j)
         most_n = most_v = math.inf
         # Nobody may spend more than there is: at any price of a joule a schedule pays at most for all of it.
@@ -240,7 +243,8 @@ class WeedingInstance:
             most_n = min(most_n, kills.bound + all_j)
             spent, all_j = weights.killed * spent, weights.killed * all_j
             paid = cost + spent + weights.killed * advance
-            value = priced(graph, gain, paid, end, guess, found=found_v - all_j, begin=begin, **limits)
+            short = weights.killed * kills.prices + least
+            value = priced(graph, gain, paid, end, guess, found=found_v - all_j, begin=short, beside=free, **limits)
             most_v = min(most_v, value.bound + all_j)
         return most_n, most_v
 
