@@ -69,7 +69,8 @@ class Lists(NamedTuple):
         first: (T,), its first tick.
         made: (O,), what of its target's list an option serves, as bits.
         table: (P + 1,), place of a pair's entries: by option of the other target, then by subset.
-        after: (E,), subset with which the other target goes on, -1 where it has been served.
+        after: (E,), subset with which the other target goes on, -1 where it has been served, or where no path ever has
+            the subset before.
     """
 
     lengths: Numbers
@@ -174,7 +175,34 @@ def listed(ways: Ways, count: Numbers, thing: Numbers) -> Lists:
                             then |= 1 << other
                     after[entry] = -1 if seen else then
                     entry += 1
+    forget(ways, count, made, table, after)
     return Lists(count, thing, base, first, made, table, after)
+
+
+@compiled
+def forget(ways: Ways, count: Numbers, made: Numbers, table: Numbers, after: Numbers) -> None:
+    """Take out, in ``after``, the transitions from subsets in which no path ever is: most of them."""
+    targets = len(count)
+    met = np.zeros((targets, 1 << MOST), np.bool_)
+    for k in range(targets):
+        for o in range(ways.option_first[k], ways.option_first[k + 1]):
+            met[k, made[o]] = True
+    # In the last turn nothing new is met, and what is not is taken out.
+    new, last = True, False
+    while new or not last:
+        last, new = not new, False
+        for i in range(targets):
+            for p in range(ways.pair_first[i], ways.pair_first[i + 1]):
+                k, entry = ways.pair_to[p], table[p]
+                for _ in range(ways.option_first[k], ways.option_first[k + 1]):
+                    for s in range(1 << count[i]):
+                        then = after[entry]
+                        if met[i, s] and then >= 0:
+                            new = new or not met[k, then]
+                            met[k, then] = True
+                        elif last:
+                            after[entry] = -1
+                        entry += 1
 
 
 @compiled
@@ -186,6 +214,9 @@ def weighed(ways: Ways, lists: Lists, price: Array, cost: Array, weight: Array) 
             for o in range(ways.option_first[k], ways.option_first[k + 1]):
                 for s in range(1 << lists.lengths[i]):
                     weight[entry] = -cost[o]
+                    if lists.after[entry] < 0:
+                        entry += 1
+                        continue
                     for c in range(ways.share_first[o], ways.share_first[o + 1]):
                         paid = True
                         for b in range(lists.lengths[i]):
@@ -259,11 +290,14 @@ def longest(ways: Ways, lists: Lists, weight: Array, alone: Array, end: Array, b
                             here, there = lists.base[i] + s * length - first, origin + then * other
                             if split > a:
                                 value = w + best[there + enters]
-                                for t in range(here + a, here + split):
-                                    best[t] = max(best[t], value)
-                            there += ticks - here
-                            for t in range(here + split, here + end_t + 1):
-                                best[t] = max(best[t], w + best[t + there])
+                                early = best[here + a : here + split]
+                                for t in range(len(early)):
+                                    early[t] = early[t] if early[t] > value else value
+                            late = best[here + split : here + end_t + 1]
+                            on = best[there + ticks + split : there + ticks + end_t + 1]
+                            for t in range(len(late)):
+                                value = w + on[t]
+                                late[t] = late[t] if late[t] > value else value
                         entry += 1
     most = end[0]
     for o in range(len(alone)):
@@ -347,38 +381,3 @@ def followed(
         length = ways.lasts[i] - lists.first[i] + 1
         value = best[lists.base[i] + s * length + t - lists.first[i]]
     return chosen[:n], subset[:n]
-
-
-@compiled
-def paid(
-    ways: Ways,
-    lists: Lists,
-    options: Numbers,
-    subsets: Numbers,
-    target: Numbers,
-    price: Numbers,
-    prices: int,
-) -> Array:
-    """How much of each price (X,) a path is paid.
-
-    Args:
-        ways: what can be worked on.
-        lists: what is remembered.
-        options: (n,), see ``followed``; ``subsets`` alike.
-        subsets: see ``options``.
-        target: (O,), of each option.
-        price: (C,), see ``killing.Sets``; ``prices`` alike.
-        prices: see ``price``.
-    """
-    found = np.zeros(prices)
-    for n in range(len(options)):
-        for c in range(ways.share_first[options[n]], ways.share_first[options[n] + 1]):
-            known = price[c] < 0
-            if n > 0 and subsets[n] > 0:
-                before = target[options[n - 1]]
-                for b in range(lists.lengths[before]):
-                    if subsets[n] >> b & 1 and lists.thing[before, b] == ways.share_thing[c]:
-                        known = True
-            if not known:
-                found[price[c]] += 1.0
-    return found

@@ -19,7 +19,7 @@ from ..envs.weeding.ridges import lift_time
 from ..envs.weeding.timing import A, G, Place, approach, move_time, ready
 from ..kernels import compiled
 from .killing import Sets, sets_of
-from .recall import MOST, Guide, Lists, Ways, followed, listed, longest, paid, plain, weighed
+from .recall import MOST, Guide, Lists, Ways, followed, listed, longest, plain, weighed
 from .shots import Shots
 
 Array = NDArray[np.float64]
@@ -88,7 +88,8 @@ class Search:
         self._lasts_s = np.zeros(shots.weeds)
         lasts = self.ways.lasts[self.target[shots.option_of_share()]]
         np.maximum.at(self._lasts_s, shots.share_weed, TICK_S * (lasts + 1.0))
-        self._list(np.zeros(targets, np.int64), np.zeros((targets, MOST), np.int64))
+        self._known: list[list[int]] = [[] for _ in range(targets)]
+        self._list()
         self.ends_s = np.arange(self.ways.lasts.max() + 1) * TICK_S
 
     def lowered(
@@ -133,8 +134,10 @@ class Search:
         guide = Guide(self.ways, self.lists, self.target, of_shares, left, self._best, self._later, self._lasts_s)
         return Priced(bound, best, guide)
 
-    def _list(self, count: Numbers, thing: Numbers) -> None:
-        """Let the targets remember these."""
+    def _list(self) -> None:
+        """States and transitions for what the targets remember."""
+        count = np.array([len(known) for known in self._known], np.int64)
+        thing = np.array([known + [0] * (MOST - len(known)) for known in self._known], np.int64)
         self.lists: Lists = listed(self.ways, count, thing)
         self._weight = np.empty(len(self.lists.after))
 
@@ -155,23 +158,20 @@ class Search:
 
     def _remember(self, options: Numbers) -> bool:
         """Let targets remember what a path has served twice; whether there was anything new."""
-        ways, targets = self.ways, self.target[options].tolist()
-        count, thing = self.lists.lengths.copy(), self.lists.thing.copy()
+        ways, targets, known, new = self.ways, self.target[options].tolist(), self._known, False
         last: dict[int, int] = {}
         for n, (option, target) in enumerate(zip(options.tolist(), targets, strict=True)):
             here = slice(ways.share_first[option], ways.share_first[option + 1])
             for served in (target, *ways.share_thing[here][ways.full[here]].tolist()):
                 # A target knows anyway that it was served itself.
-                between = {k for k in targets[last.get(served, n) : n] if k != served}
-                between = {k for k in between if served not in thing[k, : count[k]]}
-                if (count[list(between)] < MOST).all():
+                between = {k for k in targets[last.get(served, n) : n] if k != served and served not in known[k]}
+                if all(len(known[k]) < MOST for k in between):
                     for k in between:
-                        thing[k, count[k]] = served
-                        count[k] += 1
+                        known[k].append(served)
+                        new = True
                 last[served] = n
-        new = bool((count > self.lists.lengths).any())
         if new:
-            self._list(count, thing)
+            self._list()
         return new
 
 
@@ -257,4 +257,39 @@ def ways_s(arm: Any, from_m: Array, told_m: Array, pair_first: Numbers, pair_to:
             begin, end = from_m[i], told_m[pair_to[p]]
             found[p] = move_time(arm, end[G.along] - begin[G.along], 0.0, end[G.across] - begin[G.across])
             found[p] = max(found[p], lift_time(arm, begin[G.across], end[G.across]))
+    return found
+
+
+@compiled
+def paid(
+    ways: Ways,
+    lists: Lists,
+    options: Numbers,
+    subsets: Numbers,
+    target: Numbers,
+    price: Numbers,
+    prices: int,
+) -> Array:
+    """How much of each price (X,) a path is paid.
+
+    Args:
+        ways: what can be worked on.
+        lists: what is remembered.
+        options: (n,), see ``followed``; ``subsets`` alike.
+        subsets: see ``options``.
+        target: (O,), of each option.
+        price: (C,), see ``killing.Sets``; ``prices`` alike.
+        prices: see ``price``.
+    """
+    found = np.zeros(prices)
+    for n in range(len(options)):
+        for c in range(ways.share_first[options[n]], ways.share_first[options[n] + 1]):
+            known = price[c] < 0
+            if n > 0 and subsets[n] > 0:
+                before = target[options[n - 1]]
+                for b in range(lists.lengths[before]):
+                    if subsets[n] >> b & 1 and lists.thing[before, b] == ways.share_thing[c]:
+                        known = True
+            if not known:
+                found[price[c]] += 1.0
     return found

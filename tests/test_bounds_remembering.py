@@ -9,7 +9,7 @@ import pytest
 from test_bounds_expected import best_on_average
 from test_bounds_weeding import best_by_trying
 
-from fieldgym.bounds import killing, recall, weeding
+from fieldgym.bounds import killing, recall, remembering, weeding
 from fieldgym.envs.weeding.config import SCENARIOS
 from fieldgym.envs.weeding.perception import PerceptionModel
 from fieldgym.envs.weeding.tools.hoe.config import HoeWeedingConfig
@@ -112,7 +112,7 @@ def test_the_longest_path_is_the_best_order_by_what_is_remembered(seed):
         assert value == pytest.approx(walked(ways, price, cost, end, remembered), abs=1e-12)
         options, subsets = recall.followed(ways, lists, weight, alone, end, best, later, value)
         target, prices = np.arange(8) // 2, np.arange(12)
-        paid = recall.paid(ways, lists, options, subsets, target, prices, 12)
+        paid = remembering.paid(ways, lists, options, subsets, target, prices, 12)
         left = value - (float(paid @ price) - float(cost[options].sum()))
         assert np.abs(end - left).min() == pytest.approx(0.0, abs=1e-12)
         values.append(value)
