@@ -133,7 +133,7 @@ def carried_out(
         # A decision that brings nothing new is left out: that takes no longer.
         if new > cost[option] or begun:
             worth += new - cost[option]
-    return worth
+    return float(worth)
 
 
 def priced(
