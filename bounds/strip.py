@@ -1,11 +1,10 @@
 """A strip of field under a cart at a steady speed as a time-expanded graph, for any weeding tool; compiled.
 
-States are a finished work on a target, in whatever mode, and the waiting machine. What a way takes follows from the tool's own
-``approach``, from the place at which the arm stood while it worked. That place is known but for its lean along the
-row, which the machine chose when it set out, a move earlier: whatever suits the next way best of what it may have been
-is taken. Times are rounded down, and a state may be kept for free, so no true schedule is missing; nor is one when a
-way is left out that may as well be gone a tick later.
-"""
+States are a finished work on a target, in whatever mode, and the waiting machine. What a way takes follows from the
+tool's own ``approach``, from the place at which the arm stood while it worked. That place is known but for its lean
+along the row, which the machine chose when it set out, a move earlier: whatever suits the next way best of what it may
+have been is taken. Times are rounded down, and a state may be kept for free, so no true schedule is missing; nor is
+one when a way is left out that may as well be gone a tick later."""
 
 from __future__ import annotations
 
@@ -166,7 +165,8 @@ def build(arm: Any, strip: Strip, shortest_s: Array) -> tuple[Numbers, Any, Any,
             for mode in range(begins[at], begins[at + 1]):
                 for late in (shortest_s[mode] - dt, strip.late_s):
                     # The lean was chosen a move and the standing time earlier.
-                    stand, along, across = float(strip.stand_s[mode]), strip.told_m[i, G.along], strip.told_m[i, G.across]
+                    along, across = strip.told_m[i, G.along], strip.told_m[i, G.across]
+                    stand = float(strip.stand_s[mode])
                     lean = approach(arm, stand, place, cart - v * (stand + late), v, along, across).lean_m
                     lean_low, lean_high = min(lean_low, lean), max(lean_high, lean)
             if tick + pause < ticks:
