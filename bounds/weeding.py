@@ -201,19 +201,9 @@ class WeedingInstance:
         if not shots.weeds:
             return 0.0, self._idle
         speed = float(config.speed_m_s)
-        strip = Strip(
-            *(
-                shots.told_m,
-                shots.aim_m,
-                shots.slack_m,
-                shots.stand_s,
-                shots.track,
-                self.cart_m,
-                speed,
-                self.arm.front_m,
-            ),
-            *(float(config.cart.moment_s), TICK_S, self._until_s + 1.0, late_s(self.arm)),
-        )
+        place = shots.told_m, shots.aim_m, shots.slack_m, shots.stand_s, shots.track
+        ride = self.cart_m, speed, self.arm.front_m, float(config.cart.moment_s), TICK_S, self._until_s + 1.0
+        strip = Strip(*place, *ride, late_s(self.arm))
         move_s = self._moves_s(shots)
         first, to, option, wait, end_s, start = build(self.arm, strip, move_s)
         share_first = np.append(shots.share_first, shots.share_first[-1])
