@@ -4,7 +4,8 @@ States are a finished work on a target, in whatever mode, and the waiting machin
 tool's own ``approach``, from the place at which the arm stood while it worked. That place is known but for its lean
 along the row, which the machine chose when it set out, a move earlier: whatever suits the next way best of what it may
 have been is taken. Times are rounded down, and a state may be kept for free, so no true schedule is missing; nor is
-one when a way is left out that may as well be gone a tick later."""
+one when a way is left out that may as well be gone a tick later.
+"""
 
 from __future__ import annotations
 
