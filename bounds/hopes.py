@@ -16,6 +16,8 @@ from ..envs.weeding.features import CROP_GAP_SCALE_M, L
 from ..envs.weeding.outcomes import (
     CONFIDENCES,
     CROP_GAPS_M,
+    CROWD_M,
+    CROWDS,
     FAR_M,
     NEIGHBOUR_GAPS_M,
     STEP_M,
@@ -55,13 +57,15 @@ def hoped_shots(core: Any, row: int, tables: Outcomes) -> Shots:
     apart_m = np.hypot(*np.moveaxis(told[:, None] - told[None], -1, 0))
     np.fill_diagonal(apart_m, np.inf)
     nearest_m = apart_m.min(axis=1, initial=np.inf)
+    others, known = (apart_m < CROWD_M).sum(axis=1), [class_of(CONFIDENCES, value) for value in sure.tolist()]
     own = np.array(
         [
             tables.own[
                 kind[k],
                 class_of(CROP_GAPS_M, crop_gap_m[k]),
                 class_of(NEIGHBOUR_GAPS_M, nearest_m[k]),
-                class_of(CONFIDENCES, sure[k]),
+                known[k],
+                class_of(CROWDS, others[k]),
             ]
             for k in range(n)
         ]
@@ -75,13 +79,14 @@ def hoped_shots(core: Any, row: int, tables: Outcomes) -> Shots:
             step = int(apart_m[j, k] / STEP_M)
             # Before its own shot or after it, whatever is more.
             beside = np.maximum(
-                tables.beside[kind[j], step, class_of(CONFIDENCES, sure[j])], tables.left[kind[j], step].max(axis=0)
+                tables.beside[kind[j], step, known[j], known[k]] * own[j],
+                tables.left[kind[j], step, known[j]].max(axis=0),
             )
             if beside.max() > FAINT:
                 kills[j][k] = beside
             else:
                 faint[k] += beside
-            left += tables.left[kind[j], step].max(axis=1)
+            left += tables.left[kind[j], step, known[j]].max(axis=1)
         most[j] = max((own[j] + left).max(), *(float(shot.max()) for shot in kills[j].values()))
     shared = [j for j in range(n) if len(kills[j]) > 1]
     place = {j: n + i for i, j in enumerate(shared)}

@@ -147,7 +147,7 @@ def main() -> None:
         kinds = [f"{stage} {species}" for species in SPECIES for stage in STAGES]
         for kind, name in enumerate(kinds):
             share = outcomes.own_count[kind] / outcomes.own_count[kind].sum()
-            own = (outcomes.own[kind] * share[..., None]).sum(axis=(0, 1, 2))
+            own = (outcomes.own[kind] * share[..., None]).sum(axis=(0, 1, 2, 3))
             print(f"  {name:22} own kills {own.round(3)}, of {outcomes.own_count[kind].sum():.0f}")
         print(f"  {'crop plants lost':22} at 30-40 mm {outcomes.harm[12:16].mean(axis=0).round(3)}")
     if options.write:

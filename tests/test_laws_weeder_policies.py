@@ -243,14 +243,15 @@ def any_outcomes(seed: int) -> Outcomes:
     """Tables that no tool has: every cell another number."""
     rng = np.random.default_rng(seed)
     kinds, steps, modes = SIZES["kinds"], SIZES["steps"], SIZES["modes"]
-    own = (kinds, SIZES["crops"], SIZES["neighbours"], SIZES["confidences"])
+    sure = SIZES["confidences"]
+    own = (kinds, SIZES["crops"], SIZES["neighbours"], sure, SIZES["crowds"])
     return Outcomes(
         own=rng.random((*own, modes)),
         own_count=np.ones(own),
-        beside=0.4 * rng.random((kinds, steps, SIZES["confidences"], modes)),
-        beside_count=np.ones((kinds, steps, SIZES["confidences"])),
-        after=rng.random((kinds, steps, modes, modes)),
-        left=rng.random((kinds, steps, modes, modes)),
+        beside=rng.random((kinds, steps, sure, sure, modes)),
+        beside_count=np.ones((kinds, steps, sure, sure)),
+        after=rng.random((kinds, steps, sure, modes, modes)),
+        left=rng.random((kinds, steps, sure, modes, modes)),
         harm=0.1 * rng.random((SIZES["crop_steps"], modes)),
         harm_count=np.ones(SIZES["crop_steps"]),
         per_m=np.ones(1),
@@ -267,19 +268,23 @@ def beliefs_of(config: Any, tool: Any, tables: Outcomes, rows: Any) -> tuple[Any
     beside = {k: [j for j in there if j != k and apart[k, j] < 0.05] for k in there}
 
     def left(k: int, mode: int, taken: dict[int, int]) -> float:
-        shares = [tables.after[kind[k], int(apart[k, j] / 0.005), taken[j], mode] for j in beside[k] if j in taken]
-        return float(np.prod(shares))
+        before = [(int(apart[k, j] / 0.005), taken[j]) for j in beside[k] if j in taken]
+        return float(np.prod([tables.after[kind[k], step, sure[k], done, mode] for step, done in before]))
+
+    def own(k: int, mode: int) -> float:
+        others = [apart[k, j] for j in there if j != k]
+        nearest_m, crowd = min(others, default=inf), sum(gap < 0.12 for gap in others)
+        crop = sum(0.05 * rows[k]["crop_gap"] >= edge for edge in (0.015, 0.03, 0.05, 0.065, 0.08, 0.11))
+        near = sum(nearest_m >= edge for edge in (0.006, 0.012, 0.02, 0.03, 0.05))
+        return float(tables.own[kind[k], crop, near, sure[k], (crowd >= 1) + (crowd >= 3), mode])
 
     def value(k: int, mode: int, taken: dict[int, int]) -> float:
-        gap_m, nearest_m = 0.05 * rows[k]["crop_gap"], min([apart[k, j] for j in there if j != k], default=inf)
-        nearest_m = nearest_m if nearest_m < 0.05 else inf
-        crop = sum(gap_m >= edge for edge in (0.015, 0.03, 0.05, 0.065, 0.08, 0.11))
-        near = sum(nearest_m >= edge for edge in (0.006, 0.012, 0.02, 0.03, 0.05))
-        killed = float(tables.own[kind[k], crop, near, sure[k], mode]) * left(k, mode, taken)
+        killed = own(k, mode) * left(k, mode, taken)
         for j in beside[k]:
             if j not in taken:
-                killed += float(tables.beside[kind[j], int(apart[k, j] / 0.005), sure[j], mode]) * left(j, mode, taken)
-        harm = float(tables.harm[min(int(gap_m / 0.0025), 31), mode])
+                share = tables.beside[kind[j], int(apart[k, j] / 0.005), sure[j], sure[k], mode]
+                killed += float(share) * own(j, mode) * left(j, mode, taken)
+        harm = float(tables.harm[min(int(0.05 * rows[k]["crop_gap"] / 0.0025), 31), mode])
         return weights.killed * killed + weights.crop * harm + weights.joules * tool["energy"][mode]
 
     price = 0.7 * 0.35 * weights.killed / config.service_s

@@ -53,7 +53,7 @@ def test_kills_are_counted_once_and_as_the_response_says(env_id):
                 crop = np.array([_dose(tool, mode, at, 3) for at in plants.crop[r] - tracks.aim[r, k]])
                 lost[mode] += tool.process.response.crop_chance(crop[crop > 0.0]).sum()
     np.testing.assert_allclose(
-        sums.own.sum(axis=(0, 1, 2, 3, 4)) + sums.beside.sum(axis=(0, 1, 2, 3)), total, rtol=1e-9
+        sums.own.sum(axis=(0, 1, 2, 3, 4, 5)) + sums.beside.sum(axis=(0, 1, 2, 3, 4)), total, rtol=1e-9
     )
     np.testing.assert_allclose(sums.harm.sum(axis=(0, 1)), lost, rtol=1e-9)
     assert sums.own_count.sum() == sums.harm_count.sum() == tracks.count.sum()
@@ -77,6 +77,8 @@ def test_a_second_shot_kills_what_the_first_has_left():
     tracks.report[0, 1] += [0.012, 0.0]
     tracks.aim[0, 1] += [0.012, 0.0]
     tracks.species[0, :2], tracks.stage[0, :2] = 0, 1
+    # Of the second the cameras are less sure.
+    tracks.confidence[0, :2] = 0.9, 0.5
     sums = allocated(Sums, 1, **SIZES)
     tally(tool.process.work, response, np.ones((2, 3)), plants, tracks, sums)
     kind = int(plants.species[0, 0]), int(plants.stage[0, 0])
@@ -85,11 +87,19 @@ def test_a_second_shot_kills_what_the_first_has_left():
     for before in range(3):
         for mode in range(3):
             both = response.chance(other[before] + own[mode], *kind) - response.chance(other[before], *kind)
-            assert sums.after[0, 1, 2, before, mode] == pytest.approx(both)
+            assert sums.after[0, 1, 2, 3, before, mode] == pytest.approx(both)
             both = response.chance(own[before] + other[mode], *kind) - response.chance(own[before], *kind)
-            assert sums.left[0, 1, 2, before, mode] == pytest.approx(both)
-    np.testing.assert_allclose(sums.beside[0, 1, 2].sum(axis=0), response.chance(other, *kind))
-    np.testing.assert_allclose(averaged(sums, 8.0).after[1, 2], sums.after[0, 1, 2] / sums.alone[0, 1, 2])
+            assert sums.left[0, 1, 2, 3, before, mode] == pytest.approx(both)
+    # A shot at the second kills beside it what belongs to the first.
+    np.testing.assert_allclose(sums.beside[0, 1, 2, 3, 1], response.chance(other, *kind))
+    np.testing.assert_allclose(sums.alone[0, 1, 2, 3, 1], response.chance(own, *kind))
+    assert sums.beside.sum() == sums.beside[0, 1, 2, 3, 1].sum()
+    means = averaged(sums, 8.0)
+    np.testing.assert_allclose(means.beside[1, 2, 3, 1], response.chance(other, *kind) / response.chance(own, *kind))
+    np.testing.assert_allclose(means.after[1, 2, 3], sums.after[0, 1, 2, 3] / sums.alone[0, 1, 2, 3, 1])
+    # Both have one report within ``CROWD_M``; what was never seen is as its kind is.
+    assert sums.own_count[0, 1, :, :, 3, 1].sum() == sums.own_count[0, 1, :, :, 1, 1].sum() == 1.0
+    np.testing.assert_allclose(means.own[1, :, 0, 0, 0], np.tile(0.5 * np.array(response.chance(own, *kind)), (7, 1)))
 
 
 @pytest.mark.parametrize("env_id", IDS)
@@ -117,9 +127,10 @@ def test_what_ships_is_what_is_measured(env_id):
     config, tool = tool_of(env_id)
     fresh = measured(config, tool.perception, tool.process, 1000)
     shipped = outcomes_of(config, tool.perception, tool.process)
-    kinds = fresh.own_count.sum(axis=(1, 2, 3))
-    share = (fresh.own_count / kinds[:, None, None, None])[..., None]
-    error = np.abs((fresh.own * share).sum(axis=(1, 2, 3)) - (shipped.own * share).sum(axis=(1, 2, 3)))
+    apart = (1, 2, 3, 4)
+    kinds = fresh.own_count.sum(axis=apart)
+    share = (fresh.own_count / kinds[:, None, None, None, None])[..., None]
+    error = np.abs((fresh.own * share).sum(axis=apart) - (shipped.own * share).sum(axis=apart))
     assert (error < 4.0 * 0.5 / np.sqrt(kinds)[:, None]).all()
     assert (np.abs(fresh.harm - shipped.harm) < 4.0 * 0.5 / np.sqrt(fresh.harm_count + 1.0)[:, None]).all()
 
@@ -141,23 +152,24 @@ def test_what_was_swept_is_worth_less_and_what_lies_beside_is_counted():
     config, tool = tool_of("fieldgym/HoeWeeding-v0")
     tables, count = outcomes_of(config, tool.perception, tool.process), np.array([3])
     place, kind, gap_m, fresh = one_world([[1.0, 0.0], [1.012, 0.0], [1.3, 0.0]])
-    memory, sure = Memory.blank(1), np.array([[1.0, 1.0, 0.3]])
+    memory, sure = Memory.blank(1), np.array([[1.0, 1.0, 0.6]])
     believe(tables, memory, count, place, kind, gap_m, sure, fresh)
     assert fresh.near[0].tolist() == [0b010, 0b001, 0]
     nothing, first_deep = Taken(0, 0, 0), Taken(0b001, 0, 0b001)
-    own = tables.own[1, 5, :, 3]
+    own, alone = tables.own[1, 5, :, 3, 1], tables.own[1, 5, 5, 3, 0]
     # Of the last the cameras are not sure.
-    doubted = tables.own[1, 5, 5, 0]
-    assert kills(fresh, 0, 2, 2, nothing) == pytest.approx(doubted[2]) and doubted[2] < own[5, 2]
-    assert kills(fresh, 0, 0, 2, nothing) == pytest.approx(own[2, 2] + tables.beside[1, 2, 3, 2])
+    doubted = tables.own[1, 5, 5, 1, 0]
+    assert kills(fresh, 0, 2, 2, nothing) == pytest.approx(doubted[2]) and doubted[2] < alone[2]
+    assert kills(fresh, 0, 0, 2, nothing) == pytest.approx(own[2, 2] * (1.0 + tables.beside[1, 2, 3, 3, 2]))
     # Behind the first the second has itself only, of which the first has left a share.
-    assert kills(fresh, 0, 1, 1, first_deep) == pytest.approx(own[2, 1] * tables.after[1, 2, 2, 1])
-    assert tables.after[1, 2, 2, 1] < 0.6
+    assert kills(fresh, 0, 1, 1, first_deep) == pytest.approx(own[2, 1] * tables.after[1, 2, 3, 2, 1])
+    assert tables.after[1, 2, 3, 2, 1] < 0.6
     # The same once it was done: the shot is remembered, its track is gone from what is shown.
-    memory.add(np.array([0.9]), np.array([[1.0, 0.0]]), np.array([1]), np.array([2]), np.array([True]))
+    memory.add(np.array([0.9]), np.array([[1.0, 0.0]]), np.array([1]), np.array([0.5]), np.array([2]), np.array([True]))
     place, kind, gap_m, later = one_world([[1.012, 0.0], [1.3, 0.0]])
     believe(tables, memory, np.array([2]), place, kind, gap_m, sure[:, 1:], later)
-    expected = own[2, 1] * tables.after[1, 2, 2, 1] + tables.left[1, 2, 2, 1]
+    # It was one of which the cameras were not sure.
+    expected = own[2, 1] * tables.after[1, 2, 3, 2, 1] + tables.left[1, 2, 1, 2, 1]
     assert kills_now(later, np.array([2]))[0, 0, 1] == pytest.approx(expected)
     assert kills_now(later, np.array([2]))[0, 1, 2] == pytest.approx(doubted[2])
 
@@ -167,7 +179,8 @@ def test_shots_are_remembered_taken_back_and_forgotten():
     both, one = np.array([True, True]), np.array([True, False])
     for shot in range(MEMORY + 1):
         memory.take_back(np.full(2, 0.1 * shot))
-        memory.add(np.full(2, 0.1 * shot), np.full((2, 2), float(shot)), np.zeros(2, int), np.ones(2, int), both)
+        place, cart = np.full((2, 2), float(shot)), np.full(2, 0.1 * shot)
+        memory.add(cart, place, np.zeros(2, int), np.ones(2), np.ones(2, int), both)
     assert memory.shots.tolist() == [MEMORY + 1] * 2
     assert memory.place[0, 0, 0] == MEMORY and memory.place[0, 1, 0] == 1.0
     # Asked again at the same place: what was answered last has not been done.
@@ -178,7 +191,7 @@ def test_shots_are_remembered_taken_back_and_forgotten():
     # Farther back: another episode.
     memory.take_back(np.array([0.1 * MEMORY, 98.0]))
     assert memory.shots.tolist() == [MEMORY, MEMORY + 1]
-    memory.add(np.full(2, 0.1 * MEMORY), np.zeros((2, 2)), np.zeros(2, int), np.ones(2, int), both)
+    memory.add(np.full(2, 0.1 * MEMORY), np.zeros((2, 2)), np.zeros(2, int), np.ones(2), np.ones(2, int), both)
     memory.take_back(np.array([7.0, 0.05 * MEMORY]))
     assert memory.shots.tolist() == [MEMORY + 1, 0]
     memory.forget(one)
@@ -206,7 +219,7 @@ def test_a_planner_reckons_with_the_cameras_that_there_are():
     seen = tables(perception="model", eyes="classical", pictures="easy")
     perfect = tables(perception="perfect")
     # What is seen as it is is not doubted.
-    assert perfect.own_count[..., :3].sum() == 0.0 < seen.own_count[..., :3].sum()
+    assert perfect.own_count[..., :3, :].sum() == 0.0 < seen.own_count[..., :3, :].sum()
     assert tables(perception="perfect") is perfect
 
 

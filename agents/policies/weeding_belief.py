@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from ...envs.weeding.outcomes import (
     CONFIDENCES,
     CROP_GAPS_M,
+    CROWD_M,
+    CROWDS,
     FAR_M,
     NEIGHBOUR_GAPS_M,
     STEP_M,
@@ -40,6 +42,7 @@ class Memory(NamedTuple):
     Attributes:
         place: (B, H, 2), along the row in the world and across, metres.
         kind: (B, H), reported.
+        sure: (B, H), class of how sure the cameras were, see ``CONFIDENCES``.
         mode: (B, H).
         shots: (B,), how many there have been; the last of them stands at ``(shots - 1) % H``.
         cart_m: (B,), where the cart was at the last decision.
@@ -48,6 +51,7 @@ class Memory(NamedTuple):
 
     place: Array
     kind: NDArray[np.int64]
+    sure: NDArray[np.int64]
     mode: NDArray[np.int64]
     shots: NDArray[np.int64]
     cart_m: Array
@@ -60,6 +64,7 @@ class Memory(NamedTuple):
         return cls(
             np.zeros((worlds, MEMORY, 2)),
             whole,
+            whole.copy(),
             whole.copy(),
             np.zeros(worlds, np.int64),
             np.full(worlds, np.nan),
@@ -81,11 +86,20 @@ class Memory(NamedTuple):
         self.shots[again] -= 1
         self.fired[again] = False
 
-    def add(self, cart_m: Array, place: Array, kind: NDArray[np.int64], mode: NDArray[np.int64], fired: Flags) -> None:
+    def add(
+        self,
+        cart_m: Array,
+        place: Array,
+        kind: NDArray[np.int64],
+        confidence: Array,
+        mode: NDArray[np.int64],
+        fired: Flags,
+    ) -> None:
         """Remember decisions (B,) at places (B, 2) in the world; those that ``fired`` are shots."""
         rows = np.flatnonzero(fired)
         slot = self.shots[rows] % MEMORY
         self.place[rows, slot], self.kind[rows, slot], self.mode[rows, slot] = place[rows], kind[rows], mode[rows]
+        self.sure[rows, slot] = np.searchsorted(CONFIDENCES, confidence[rows], side="right")
         self.shots[rows] += 1
         self.cart_m[:], self.fired[:] = cart_m, fired
 
@@ -109,11 +123,9 @@ class Belief(NamedTuple):
 
 
 @compiled
-def step_of(from_m: Array, to_m: Array) -> int:
-    """The step of the distance between two places (2,); -1 where they are far."""
-    along, across = to_m[G.along] - from_m[G.along], to_m[G.across] - from_m[G.across]
-    square = along * along + across * across
-    return int(np.sqrt(square) / STEP_M) if square < FAR_M * FAR_M else -1
+def distance(from_m: Array, to_m: Array) -> float:
+    """Metres between two places (2,)."""
+    return float(np.hypot(to_m[G.along] - from_m[G.along], to_m[G.across] - from_m[G.across]))
 
 
 @compiled
@@ -144,46 +156,45 @@ def believe(
     for w in range(len(count)):
         shots = min(memory.shots[w], MEMORY)
         for k in range(count[w]):
-            # What own shots have left of each candidate, and what they have left to be killed beside it.
+            # What own shots have left of each candidate's own kills, and what they have left to be killed beside it.
             for mode in range(MODES):
                 kept[k, mode], belief.own[w, k, mode] = 1.0, 0.0
-            nearest_m = np.inf
+            sure, nearest_m, others = class_of(CONFIDENCES, confidence[w, k]), np.inf, 0
             for s in range(shots):
-                step = step_of(place[w, k], memory.place[w, s])
-                if step >= 0:
-                    nearest_m = min(nearest_m, distance(place[w, k], memory.place[w, s]))
-                    before, of = memory.mode[w, s], memory.kind[w, s]
+                apart_m = distance(place[w, k], memory.place[w, s])
+                if apart_m >= CROWD_M:
+                    continue
+                others, nearest_m, step = others + 1, min(nearest_m, apart_m), int(apart_m / STEP_M)
+                if apart_m < FAR_M:
+                    before, of, was = memory.mode[w, s], memory.kind[w, s], memory.sure[w, s]
                     for mode in range(MODES):
-                        kept[k, mode] *= tables.after[kind[w, k], step, before, mode]
-                        belief.own[w, k, mode] += tables.left[of, step, before, mode]
+                        kept[k, mode] *= tables.after[kind[w, k], step, sure, before, mode]
+                        belief.own[w, k, mode] += tables.left[of, step, was, before, mode]
             belief.near[w, k] = 0
             for j in range(count[w]):
-                step = step_of(place[w, k], place[w, j])
-                if j == k or step < 0:
+                apart_m = distance(place[w, k], place[w, j])
+                if j == k or apart_m >= CROWD_M:
+                    continue
+                others, nearest_m, step = others + 1, min(nearest_m, apart_m), int(apart_m / STEP_M)
+                if apart_m >= FAR_M:
                     continue
                 belief.near[w, k] |= 1 << j
                 known = class_of(CONFIDENCES, confidence[w, j])
-                nearest_m = min(nearest_m, distance(place[w, k], place[w, j]))
                 for mode in range(MODES):
-                    belief.beside[w, k, j, mode] = tables.beside[kind[w, j], step, known, mode]
+                    belief.beside[w, k, j, mode] = tables.beside[kind[w, j], step, known, sure, mode]
                     for before in range(MODES):
-                        belief.after[w, k, j, before, mode] = tables.after[kind[w, j], step, before, mode]
+                        belief.after[w, k, j, before, mode] = tables.after[kind[w, j], step, known, before, mode]
             crop, near = class_of(CROP_GAPS_M, crop_gap_m[w, k]), class_of(NEIGHBOUR_GAPS_M, nearest_m)
-            sure = class_of(CONFIDENCES, confidence[w, k])
+            crowd = class_of(CROWDS, others)
             for mode in range(MODES):
-                belief.own[w, k, mode] += tables.own[kind[w, k], crop, near, sure, mode] * kept[k, mode]
+                kept[k, mode] *= tables.own[kind[w, k], crop, near, sure, crowd, mode]
+                belief.own[w, k, mode] += kept[k, mode]
                 belief.harm[w, k, mode] = tables.harm[crop_step(crop_gap_m[w, k]), mode]
         for k in range(count[w]):
             for j in range(count[w]):
                 if belief.near[w, k] >> j & 1:
                     for mode in range(MODES):
                         belief.beside[w, k, j, mode] *= kept[j, mode]
-
-
-@compiled
-def distance(from_m: Array, to_m: Array) -> float:
-    """Metres between two places (2,)."""
-    return float(np.hypot(to_m[G.along] - from_m[G.along], to_m[G.across] - from_m[G.across]))
 
 
 @compiled

@@ -243,7 +243,8 @@ class RecedingHorizon(ScriptedWeeder):
         place = shots.place[rows, slot]
         place[:, G.along] += cart_m
         self.believed = np.where(fired, killed[rows, slot, mode], 0.0)
-        self._memory.add(cart_m, place, kind[rows, slot], mode, fired)
+        confidence = candidate_table(observation)[rows, slot, C.confidence]
+        self._memory.add(cart_m, place, kind[rows, slot], confidence, mode, fired)
         return np.where(fired, answer, self.wait)
 
     def _problem(self, observation: Observation) -> tuple[Shots, Array, NDArray[np.int64], NDArray[np.int64], Array]:

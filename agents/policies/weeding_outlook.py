@@ -48,7 +48,7 @@ class Thrift(NamedTuple):
         worth = tables.own[..., None, :] - THRIFTS[:, None] * energy_j
         mode = worth.argmax(axis=-1)
         spent = np.where(worth.max(axis=-1) > 0.0, energy_j[mode], 0.0)
-        use = tables.per_m[0] * (share[..., None] * spent).sum(axis=(0, 1, 2, 3))
+        use = tables.per_m[0] * (share[..., None] * spent).reshape(-1, spent.shape[-1]).sum(axis=0)
         return cls(THRIFTS, np.minimum.accumulate(use))
 
     def price_of(self, left_j: Array, left_m: Array) -> Array:

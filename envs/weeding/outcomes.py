@@ -43,6 +43,10 @@ NEIGHBOUR_GAPS_M = (0.006, 0.012, 0.020, 0.030, 0.050)
 """The same for the nearest other report."""
 CONFIDENCES = (0.4, 0.7, 0.84)
 """The same for how sure the cameras are: of six pictures all, all but one, and many fewer."""
+CROWD_M = 0.12
+CROWDS = (1, 3)
+"""The same for how many other reports lie within ``CROWD_M``: weeds stand in patches, false reports anywhere, so that
+a report among many is more often true, and has more beside it that no camera has seen."""
 STEP_M, STEPS = 0.005, 10
 """Distances between two reports are told apart in steps; farther ones have nothing to do with each other."""
 CROP_STEP_M, CROP_STEPS = 0.0025, 32
@@ -52,7 +56,7 @@ SHIPPED = "outcomes/weeding.json"
 STRIPS = 400
 """Strips that tables are measured on where none ship."""
 _TRUST = 20.0
-"""A class of own kills counts as if so many samples had the mean of all that are as sure."""
+"""A class counts as if so many samples had the mean of a wider one, and that one likewise, see ``averaged``."""
 _TOGETHER = 50
 """Strips that are drawn together."""
 
@@ -61,12 +65,16 @@ class Outcomes(NamedTuple):
     """Expected outcomes of shots by reported kind, ``3 species + stage``, and by mode.
 
     Attributes:
-        own: (kinds, crop gaps, neighbour gaps, confidences, modes), kills among what belongs to the track.
-        own_count: (kinds, crop gaps, neighbour gaps, confidences), samples behind it.
-        beside: (kinds, steps, confidences, modes), kills of a shot so far away among what belongs to a track.
-        beside_count: (kinds, steps, confidences).
-        after: (kinds, steps, modes before, modes), share of a track's own kills that a shot so far away leaves.
-        left: (kinds, steps, own modes, modes), kills of a shot so far away among what a shot at the track has left.
+        own: (kinds, crop gaps, neighbour gaps, confidences, crowds, modes), kills among what belongs to the track.
+        own_count: (kinds, crop gaps, neighbour gaps, confidences, crowds), samples behind it.
+        beside: (kinds, steps, confidences, confidences, modes), what a shot so far away kills of what belongs to a
+            track, as a share of the track's own kills, by how sure the cameras are of the track and of the one that is
+            shot at.
+        beside_count: (kinds, steps, confidences, confidences).
+        after: (kinds, steps, confidences, modes before, modes), share of a track's own kills that a shot so far away
+            leaves.
+        left: (kinds, steps, confidences, own modes, modes), kills of a shot so far away among what a shot at the track
+            has left.
         harm: (crop steps, modes), crop plants that die.
         harm_count: (crop steps,).
         per_m: (1,), reports a metre.
@@ -86,14 +94,14 @@ class Outcomes(NamedTuple):
 class Sums(NamedTuple):
     """What is added up; see ``Outcomes``. The leading axis has length 1."""
 
-    own: Annotated[Array, shaped("kinds", "crops", "neighbours", "confidences", "modes")]
-    own_count: Annotated[Array, shaped("kinds", "crops", "neighbours", "confidences")]
-    beside: Annotated[Array, shaped("kinds", "steps", "confidences", "modes")]
-    beside_count: Annotated[Array, shaped("kinds", "steps", "confidences")]
-    alone: Annotated[Array, shaped("kinds", "steps", "modes")]
-    """Kills among what belongs to a track where nothing was done before; ``after`` is a share of it."""
-    after: Annotated[Array, shaped("kinds", "steps", "modes", "modes")]
-    left: Annotated[Array, shaped("kinds", "steps", "modes", "modes")]
+    own: Annotated[Array, shaped("kinds", "crops", "neighbours", "confidences", "crowds", "modes")]
+    own_count: Annotated[Array, shaped("kinds", "crops", "neighbours", "confidences", "crowds")]
+    beside: Annotated[Array, shaped("kinds", "steps", "confidences", "confidences", "modes")]
+    beside_count: Annotated[Array, shaped("kinds", "steps", "confidences", "confidences")]
+    alone: Annotated[Array, shaped("kinds", "steps", "confidences", "confidences", "modes")]
+    """Kills among what belongs to a track where nothing was done before; ``beside`` and ``after`` are shares of it."""
+    after: Annotated[Array, shaped("kinds", "steps", "confidences", "modes", "modes")]
+    left: Annotated[Array, shaped("kinds", "steps", "confidences", "modes", "modes")]
     harm: Annotated[Array, shaped("crop_steps", "modes")]
     harm_count: Annotated[Array, shaped("crop_steps")]
 
@@ -103,6 +111,7 @@ SIZES = {
     "crops": len(CROP_GAPS_M) + 1,
     "neighbours": len(NEIGHBOUR_GAPS_M) + 1,
     "confidences": len(CONFIDENCES) + 1,
+    "crowds": len(CROWDS) + 1,
     "steps": STEPS,
     "crop_steps": CROP_STEPS,
     "modes": MODES,
@@ -163,19 +172,21 @@ def tally(work: Any, response: Response, worth: Array, plants: Plants, tracks: T
         belongs(plants, tracks, r, weeds, owner)
         for k in range(n):
             kind = 3 * tracks.species[r, k] + tracks.stage[r, k]
-            neighbour_m = np.inf
+            sure = class_of(CONFIDENCES, tracks.confidence[r, k])
+            neighbour_m, others = np.inf, 0
             for j in range(n):
                 along = report[j, G.along] - report[k, G.along]
-                if j != k and abs(along) < FAR_M:
+                if j != k and abs(along) < CROWD_M:
                     gap_m = math.hypot(along, report[j, G.across] - report[k, G.across])
                     neighbour_m = min(neighbour_m, gap_m)
+                    others += gap_m < CROWD_M
                     if gap_m < FAR_M:
                         of = 3 * tracks.species[r, j] + tracks.stage[r, j]
                         known = class_of(CONFIDENCES, tracks.confidence[r, j])
-                        sums.beside_count[0, of, int(gap_m / STEP_M), known] += 1.0
+                        sums.beside_count[0, of, int(gap_m / STEP_M), known, sure] += 1.0
             crop, near = class_of(CROP_GAPS_M, tracks.crop_gap_m[r, k]), class_of(NEIGHBOUR_GAPS_M, neighbour_m)
-            sure = class_of(CONFIDENCES, tracks.confidence[r, k])
-            sums.own_count[0, kind, crop, near, sure] += 1.0
+            crowd = class_of(CROWDS, others)
+            sums.own_count[0, kind, crop, near, sure, crowd] += 1.0
             step = crop_step(tracks.crop_gap_m[r, k])
             sums.harm_count[0, step] += 1.0
             for c in range(plants.crop.shape[1]):
@@ -206,11 +217,11 @@ def tally(work: Any, response: Response, worth: Array, plants: Plants, tracks: T
                     first[mode] = dose(work, mode, along, across, stage)
                     killed = worth[species, stage] * share_killed(response, species, stage, first[mode])
                     if j < 0 or j == k or apart_m >= FAR_M:
-                        sums.own[0, kind, crop, near, sure, mode] += killed
+                        sums.own[0, kind, crop, near, sure, crowd, mode] += killed
                     else:
                         of = 3 * tracks.species[r, j] + tracks.stage[r, j]
                         known = class_of(CONFIDENCES, tracks.confidence[r, j])
-                        sums.beside[0, of, int(apart_m / STEP_M), known, mode] += killed
+                        sums.beside[0, of, int(apart_m / STEP_M), known, sure, mode] += killed
                 if j == k:
                     both(work, response, float(worth[species, stage]), plants, tracks, r, k, i, first, second, sums)
 
@@ -234,7 +245,7 @@ def both(
     ``own`` (M,) holds the doses of the first, ``other`` is written; ``worth`` is what the weed counts.
     """
     species, stage = plants.species[r, i], plants.stage[r, i]
-    kind = 3 * tracks.species[r, k] + tracks.stage[r, k]
+    kind, sure = 3 * tracks.species[r, k] + tracks.stage[r, k], class_of(CONFIDENCES, tracks.confidence[r, k])
     for j in range(tracks.count[r]):
         along = tracks.report[r, j, G.along] - tracks.report[r, k, G.along]
         if j == k or abs(along) >= FAR_M:
@@ -242,21 +253,23 @@ def both(
         gap_m = math.hypot(along, tracks.report[r, j, G.across] - tracks.report[r, k, G.across])
         if gap_m >= FAR_M:
             continue
-        step = int(gap_m / STEP_M)
+        step, other_sure = int(gap_m / STEP_M), class_of(CONFIDENCES, tracks.confidence[r, j])
         along = plants.weed[r, i, G.along] - tracks.aim[r, j, G.along]
         across = plants.weed[r, i, G.across] - tracks.aim[r, j, G.across]
         within = abs(along) <= work.reach_m and abs(across) <= work.reach_m
         for mode in range(MODES):
             other[mode] = dose(work, mode, along, across, stage) if within else 0.0
         for mode in range(MODES):
-            sums.alone[0, kind, step, mode] += worth * share_killed(response, species, stage, own[mode])
+            sums.alone[0, kind, step, sure, other_sure, mode] += worth * share_killed(
+                response, species, stage, own[mode]
+            )
             for before in range(MODES):
                 gone = share_killed(response, species, stage, other[before])
                 more = share_killed(response, species, stage, other[before] + own[mode]) - gone
-                sums.after[0, kind, step, before, mode] += worth * more
+                sums.after[0, kind, step, sure, before, mode] += worth * more
                 gone = share_killed(response, species, stage, own[before])
                 more = share_killed(response, species, stage, own[before] + other[mode]) - gone
-                sums.left[0, kind, step, before, mode] += worth * more
+                sums.left[0, kind, step, sure, before, mode] += worth * more
 
 
 def measured(config: FieldTask, perception: PerceptionModel, process: WeedingProcess, strips: int = STRIPS) -> Outcomes:
@@ -276,30 +289,49 @@ def measured(config: FieldTask, perception: PerceptionModel, process: WeedingPro
 
 
 def averaged(sums: Sums, strip_m: float) -> Outcomes:
-    """Means of what was added up on so many metres."""
+    """Means of what was added up on so many metres.
+
+    A class with few samples leans on a wider one: own kills on those of any crop gap, those on any that are as sure,
+    those on their kind; shares beside a track and after a shot on all of its own confidence, those on its kind.
+    """
     totals = Sums(*(values[0] for values in sums))
-    kinds = totals.own.sum(axis=(1, 2, 3)) / np.maximum(totals.own_count.sum(axis=(1, 2, 3)), 1.0)[:, None]
-    # Classes lean on the mean of what is as sure, and that on the mean of its kind.
-    count = totals.own_count.sum(axis=(1, 2))[..., None]
-    alike = (totals.own.sum(axis=(1, 2)) + _TRUST * kinds[:, None]) / (count + _TRUST)
-    own = (totals.own + _TRUST * alike[:, None, None]) / (totals.own_count[..., None] + _TRUST)
-    pairs = np.maximum(totals.beside_count.sum(axis=2), 1.0)
-    together = totals.beside.sum(axis=2) / pairs[..., None]
-    beside = (totals.beside + _TRUST * together[:, :, None]) / (totals.beside_count[..., None] + _TRUST)
-    alone = totals.alone[:, :, None]
-    after = np.where(alone > 0.0, totals.after / np.where(alone > 0.0, alone, 1.0), 1.0)
+    own, samples = totals.own, totals.own_count[..., None]
+    mean = _leaning(own.sum(axis=(1, 2, 3, 4), keepdims=True), samples.sum(axis=(1, 2, 3, 4), keepdims=True), 0.0)
+    for apart in ((1, 2, 4), (1,), ()):
+        mean = _leaning(own.sum(axis=apart, keepdims=True), samples.sum(axis=apart, keepdims=True), mean)
+    alone = totals.alone
+    lies = _share(totals.beside.sum(axis=(2, 3), keepdims=True), alone.sum(axis=(2, 3), keepdims=True), 0.0)
+    for apart in ((3,), ()):
+        lies = _share(totals.beside.sum(axis=apart, keepdims=True), alone.sum(axis=apart, keepdims=True), lies)
+    # A pair counts once for each of the two.
+    pairs = totals.beside_count.sum(axis=3)[..., None, None]
+    left = _leaning(totals.left.sum(axis=2, keepdims=True), pairs.sum(axis=2, keepdims=True), 0.0)
+    alone = alone.sum(axis=3)[:, :, :, None]
+    after = _share(totals.after.sum(axis=2, keepdims=True), alone.sum(axis=2, keepdims=True), 1.0)
     harm = totals.harm / np.maximum(totals.harm_count, 1.0)[:, None]
     return Outcomes(
-        own,
+        mean,
         totals.own_count,
-        beside,
+        lies,
         totals.beside_count,
-        after,
-        totals.left / pairs[..., None, None],
+        _share(totals.after, alone, after),
+        _leaning(totals.left, pairs, left),
         harm,
         totals.harm_count,
         np.array([totals.own_count.sum() / strip_m]),
     )
+
+
+def _leaning(total: Array, samples: Array, mean: Array | float) -> Array:
+    """Means of classes with so many samples that lean on a mean."""
+    return (total + _TRUST * mean) / np.maximum(samples + (_TRUST if np.ndim(mean) else 0.0), 1.0)
+
+
+def _share(part: Array, whole: Array, mean: Array | float) -> Array:
+    """Shares of wholes that lean on a share; that share where a whole is nothing."""
+    trust = _TRUST if np.ndim(mean) else 0.0
+    there = whole + trust > 0.0
+    return np.where(there, (part + trust * mean) / np.where(there, whole + trust, 1.0), mean)
 
 
 def key_of(config: FieldTask, perception: PerceptionModel, process: WeedingProcess) -> str:
