@@ -71,6 +71,9 @@ def test_a_bag_fills_up_is_shown_and_emptied():
     assert after["phase_suck_s"] - before["phase_suck_s"] == pytest.approx(seconds)
     assert reward == pytest.approx(env.core.config.weights.seconds * seconds)
     assert (env.core.state.pose == pose).all() and after["collected_g"] == before["collected_g"]
+    assert not info["action_mask"][empty]
+    *_, info = env.step(empty)
+    assert info["scorecard"]["illegal"] == after["illegal"] + 1.0 and (env.core.state.pose == pose).all()
 
 
 def test_the_fuller_the_bag_the_more_of_what_is_cut_drops():

@@ -45,7 +45,8 @@ def plan_worlds(tables: Tables, worlds: Worlds, actions: NDArray[np.int64]) -> P
         if slot == slots:
             stop = worlds.stop[w]
             if what == EMPTYING:
-                what, rise = EMPTY, 0.0
+                # There is nothing to empty: the mask says so, and it counts as any other illegal action.
+                what, rise = EMPTY if worlds.totals[w, T.bag] > 0.0 else NOTHING, 0.0
             else:
                 what = DRIVE if stop + 1 < len(tables.look_pose) else FINISH
         elif not worlds.track_legal[w, report] or worlds.totals[w, T.bag] >= tables.bag_g:
