@@ -162,11 +162,11 @@ def build(arm: Any, strip: Strip, shortest_s: Array) -> tuple[Numbers, Any, Any,
             lean_low, lean_high = place.lean_m, place.lean_m
         else:
             i = begins[at]
-            place = Place(strip.aim_m[i, G.along], 0.0, strip.aim_m[i, G.across])
+            place = Place(float(strip.aim_m[i, G.along]), 0.0, float(strip.aim_m[i, G.across]))
             for mode in range(begins[at], begins[at + 1]):
                 for late in (shortest_s[mode] - dt, strip.late_s):
                     # The lean was chosen a move and the standing time earlier.
-                    along, across = strip.told_m[i, G.along], strip.told_m[i, G.across]
+                    along, across = float(strip.told_m[i, G.along]), float(strip.told_m[i, G.across])
                     stand = float(strip.stand_s[mode])
                     lean = approach(arm, stand, place, cart - v * (stand + late), v, along, across).lean_m
                     lean_low, lean_high = min(lean_low, lean), max(lean_high, lean)
