@@ -243,7 +243,7 @@ class RecedingHorizon(ScriptedWeeder):
         place = shots.place[rows, slot]
         place[:, G.along] += cart_m
         self.believed = np.where(fired, killed[rows, slot, mode], 0.0)
-        confidence = candidate_table(observation)[rows, slot, C.confidence]
+        confidence = candidate_table(observation)[rows, slot, C.confidence].astype(np.float64)
         self._memory.add(cart_m, place, kind[rows, slot], confidence, mode, fired)
         return np.where(fired, answer, self.wait)
 
