@@ -3,6 +3,7 @@
 import importlib
 import sys
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import gymnasium as gym
@@ -94,10 +95,11 @@ def counts_nothing_illegal(core):
 
 
 def is_not_what_it_was_loaded_with(core):
+    loads = count()
+
     def load(self, rows, batch):
         core.load(self, rows, batch)
-        self.loads = getattr(self, "loads", 0) + 1
-        self.place[rows, 0, 0] += 0.01 * id(self) % 0.05
+        self.place[rows, 0, 0] += 0.01 * (next(loads) % 5)
 
     return {"load": load}
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...envs.references import resolved
+from ...envs.task import tasks
 from ...kernels.files import read_file, replace_file, unpacked_bytes
 from ..foreign import in_words
 from ..policies.network import FORMAT as NETWORK
@@ -133,7 +134,7 @@ def shipped(env_id: str, scenario: str | None = None) -> Path | None:
 
     Args:
         env_id: registered id.
-        scenario: the policy trained on this scenario where there is one, else one of another scenario.
+        scenario: the policy trained on this scenario where there is one, else that of the headline, else any.
     """
     folder = resources.files(__name__.rsplit(".", 3)[0]) / "assets" / "policies"
     stem = env_id.split("/")[-1]
@@ -142,7 +143,8 @@ def shipped(env_id: str, scenario: str | None = None) -> Path | None:
     there = {path.stem.removeprefix(stem + "."): path for path in sorted(folder.glob(f"{stem}.*.npz"))}
     if not there:
         return None
-    return there.get(scenario or "", next(iter(there.values())))
+    headline = {spec.id: spec.headline for spec in tasks()}.get(env_id, "")
+    return there.get(scenario or "", there.get(headline, next(iter(there.values()))))
 
 
 def task_digest(env: Any) -> str:
