@@ -128,8 +128,9 @@ def test_buttons_do_what_they_say(viewer: Any, browser: Any):
     until(lambda: len(viewer.seats[0].log) > 4)
     press(page, "Pause")
     until(lambda: not viewer.running)
+    done = len(viewer.seats[0].log)
     press(page, "One decision")  # to the end of what is under way
-    until(lambda: not viewer.running and not viewer.seats[0].busy)
+    until(lambda: len(viewer.seats[0].log) == done + 1 and not viewer.running and not viewer.seats[0].busy)
 
     turn_to(page, "Decide")
     wait = viewer.seats[0].layout.actions - 1
