@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...envs.references import resolved
-from ...envs.task import tasks
+from ...envs.task import task
 from ...kernels.files import read_file, replace_file, unpacked_bytes
 from ..foreign import in_words
 from ..policies.network import FORMAT as NETWORK
@@ -143,8 +143,7 @@ def shipped(env_id: str, scenario: str | None = None) -> Path | None:
     there = {path.stem.removeprefix(stem + "."): path for path in sorted(folder.glob(f"{stem}.*.npz"))}
     if not there:
         return None
-    headline = {spec.id: spec.headline for spec in tasks()}.get(env_id, "")
-    return there.get(scenario or "", there.get(headline, next(iter(there.values()))))
+    return there.get(scenario or "", there.get(task(env_id).headline, next(iter(there.values()))))
 
 
 def task_digest(env: Any) -> str:
