@@ -1,6 +1,8 @@
 """What is computed does not depend on the processor, on threads, or on whether there is machine code."""
 
+import math
 import os
+import re
 import subprocess
 import sys
 from functools import cache
@@ -60,3 +62,21 @@ def test_functions_keep_shapes_and_agree_with_numpy_s_to_the_last_digit() -> Non
         np.testing.assert_allclose(ours, theirs, rtol=4e-16, atol=0.0)
     assert exp(0.0).shape == () and exp([]).shape == (0,)
     assert exp(numbers[::2, :, ::3])[1, 0, 4] == exp(numbers)[2, 0, 12]
+
+
+def test_functions_are_those_of_the_c_library_to_the_last_bit() -> None:
+    """NumPy's own are not where registers are wide."""
+    numbers = np.random.default_rng(1).normal(size=500) * 5.0
+    assert exp(numbers).tolist() == [math.exp(number) for number in numbers]
+    assert power(np.abs(numbers), 0.3).tolist() == [math.pow(abs(number), 0.3) for number in numbers]
+
+
+def test_the_rules_take_no_exponentials_of_numpy_s() -> None:
+    root = Path(__file__).resolve().parents[1]
+    found = {
+        path.relative_to(root).as_posix()
+        for path in (root / "envs").rglob("*.py")
+        if re.search(r"\bnp\.(?:exp|power)\(", path.read_text("utf-8"))
+    }
+    # A fit that a script makes, and three chances that are only compared with draws.
+    assert found == {"envs/weeding/tools/laser/calibration.py", "envs/transplanting/process.py"}

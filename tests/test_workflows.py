@@ -72,6 +72,17 @@ def test_ci_tries_every_python_that_there_is() -> None:
     assert all((ROOT / ".ci" / name).stat().st_mode & 0o111 for name in ("run", "portable"))
 
 
+def test_tests_run_side_by_side_in_an_order_of_chance_wherever_they_run() -> None:
+    assert '"pytest-random-order' in PROJECT and '"pytest-xdist' in PROJECT
+    make = (ROOT / "Makefile").read_text("utf-8")
+    (command,) = re.findall(r"^PYTEST = (.*)$", make, re.M)
+    assert " -n $(JOBS) " in command and " --random-order-seed=$(ORDER) " in command
+    for target in ("test", "test-portable", "test-slow", "test-long"):
+        assert re.search(rf"^{target}: .*\n\t\$\(PYTEST\) ", make, re.M), target
+    tested = [run for path in WORKFLOWS for run in runs_of(path) if "-m pytest" in run and "test_" not in run]
+    assert tested and all(" -n auto --random-order-seed=" in run for run in tested)
+
+
 def test_what_is_run_is_there() -> None:
     extras = set(re.findall(r"^(\w+) = \[", PROJECT.split("[project.optional-dependencies]")[1].split("\n[")[0], re.M))
     commands = "\n".join(run for path in WORKFLOWS for run in runs_of(path))
