@@ -1,6 +1,7 @@
 """A clone learns what a dataset's policy does, says how well, and plays from its file."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -95,6 +96,21 @@ def test_the_command_tells_the_shares_and_writes_a_policy(edf: Any, tmp_path: Pa
     assert policy.card["cloned_from"] == "tests/edf-v0" and policy.card["policy"] == "edf"
     share = float(done.stdout.split("return ")[1].split(": ")[1].split(" %")[0])
     assert 70.0 < share < 115.0
+
+
+def test_a_clone_is_told_as_a_share_of_its_teacher_on_the_same_fields(monkeypatch: pytest.MonkeyPatch) -> None:
+    copy, asked = SimpleNamespace(fitted=object()), []
+
+    def evaluate(make: Any, *condition: Any, **settings: Any) -> Any:
+        asked.append((condition, settings))
+        values = np.linspace(0.4, 0.6, len(condition[1])) * (0.95 if make is copy.fitted else 1.0)
+        return SimpleNamespace(returns=40.0 * values, scorecard={"net_rate": values})
+
+    monkeypatch.setattr("fieldgym.agents.evaluation.evaluate", evaluate)
+    told = clone_policy.compared(LASER, "edf", copy, range(3_000_000_000, 3_000_000_020), {"engine": "analytic"})
+    share = "95.00 % [95.00, 95.00]"
+    assert told == {"return": f"19.00 of 20.00: {share}", "net rate": f"47.50 % of 50.00 %: {share}"}
+    assert asked[0] == asked[1] and len(asked) == 2
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import copy
 import gc
 import os
 import pickle
+import signal
 import threading
 from typing import Any
 
@@ -143,6 +144,7 @@ def test_a_forked_process_has_threads_of_its_own() -> None:
     actions = np.array([rng.choice(np.flatnonzero(mask)) for mask in env.action_masks()])
     child = os.fork()
     if child == 0:
+        signal.alarm(60)  # who asks threads that are not there waits for ever
         env.step(actions)
         os._exit(int(env._team._made_in != os.getpid()))
     _, status = os.waitpid(child, 0)
