@@ -3,6 +3,7 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import leftovers
@@ -16,6 +17,19 @@ ID = "fieldgym/HoeWeeding-v0"
 
 def test_nothing_is_told_where_nothing_changed() -> None:
     assert leftovers.changed(leftovers.state(), leftovers.state()) == []
+
+
+def test_every_test_is_looked_after(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And fails where it leaves something changed."""
+    assert {"_nothing_is_left_behind", "_restored_after_a_module"} <= set(request.fixturenames)
+    definitions = request._fixturemanager.getfixturedefs("_nothing_is_left_behind", request.node)
+    assert definitions
+    monkeypatch.setenv("FIELDGYM_X", "0")
+    watch: Any = definitions[-1].func()
+    next(watch)
+    monkeypatch.setenv("FIELDGYM_X", "1")
+    with pytest.raises(AssertionError, match=r"the test leaves changed: \$FIELDGYM_X"):
+        next(watch)
 
 
 @pytest.mark.parametrize("name", ["the working folder", "NumPy's handling of errors", "$FIELDGYM_X"])
