@@ -1,5 +1,6 @@
 """Experience that was collected says what happened, makes its environment again, and gives the same episodes there."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,13 @@ def test_names_that_minari_does_not_take_are_refused_before_anything_is_played(n
     with pytest.raises(ValueError, match="give a name of the form namespace/name-v0"):
         gathered(OWN[0], "random", name, [1])
     assert not list(folder.iterdir())
+
+
+def test_without_minari_a_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "minari", None)
+    with pytest.raises(ImportError, match=r'^datasets need Minari: pip install "fieldgym\[datasets\]"$') as told:
+        gathered(OWN[0], "random", "own/random-v0", [1])
+    assert told.value.name == "minari"  # the command tells it by this name
 
 
 @pytest.mark.parametrize("env_id", OWN)
