@@ -35,7 +35,7 @@ IDS = ("fieldgym/LaserWeeding-v0", "fieldgym/HoeWeeding-v0")
 MADE_FOR = ((IDS[0], "load-1.25"), (IDS[0], "worth"), (IDS[1], "load-1.25"))
 """Other scenarios have their tables in common with these where only loads, speeds and energy differ."""
 LOOKS = (("learned", "field"), ("classical", "easy"))
-"""Eyes and pictures: the defaults, and what the shipped policies were trained with."""
+"""Eyes and pictures: the defaults, and what the weeders had before there were others."""
 DIGITS = 4
 EDGES = (0.0, 0.5, 0.75, 1.0, 1.5, 9.0)
 """Of kills expected, between which beliefs are held to what happened."""

@@ -97,6 +97,10 @@ def test_a_second_shot_kills_what_the_first_has_left():
     means = averaged(sums, 8.0)
     np.testing.assert_allclose(means.beside[1, 2, 3, 1], response.chance(other, *kind) / response.chance(own, *kind))
     np.testing.assert_allclose(means.after[1, 2, 3], sums.after[0, 1, 2, 3] / sums.alone[0, 1, 2, 3, 1])
+    # What was seen with another confidence alone leans on it.
+    np.testing.assert_allclose(means.after[1, 2, 0], means.after[1, 2, 3])
+    pairs = sums.beside_count[0, 1, 2].sum()
+    np.testing.assert_allclose(means.left[1, 2, 0], sums.left[0, 1, 2].sum(axis=0) / pairs)
     # Both have one report within ``CROWD_M``; what was never seen is as its kind is.
     assert sums.own_count[0, 1, :, :, 3, 1].sum() == sums.own_count[0, 1, :, :, 1, 1].sum() == 1.0
     np.testing.assert_allclose(means.own[1, :, 0, 0, 0], np.tile(0.5 * np.array(response.chance(own, *kind)), (7, 1)))
