@@ -93,6 +93,17 @@ def test_a_run_ends_with_its_time(tmp_path):
     assert [point["steps"] for point in more.curve] == [128, 256]
 
 
+def test_what_is_left_of_a_run_s_time_is_a_share_of_its_minutes(tmp_path):
+    from fieldgym.agents.learning.runs import Journal
+
+    nowhere: Any = None
+    record = Journal(ID, replace(SMALL, minutes=2.0), 0, tmp_path, nowhere)
+    for wall_s, left in ((0.0, 1.0), (30.0, 0.75), (120.0, 0.0), (150.0, 0.0)):
+        record.progress = replace(record.progress, learning_s=wall_s)
+        assert record.time_left == pytest.approx(left)
+    assert Journal(ID, SMALL, 0, tmp_path, nowhere).time_left == 1.0
+
+
 def test_a_run_that_stops_and_goes_on_learns_the_same(whole, tmp_path):
     from fieldgym.agents.learning.training import train
 
