@@ -22,6 +22,8 @@ WARM_UP = 5
 """Decisions before those that count: machine code loads with the first."""
 DETECTOR_MS = {"weeds": 5.0, "produce": 4.5}
 """Half of what a look's detector took at first."""
+EYES_MS = {"front": 15.0, "tool": 4.0}
+"""What a weeder's front and tool camera may cost, all that is made of a picture."""
 
 
 def pictures(quick: bool) -> Iterator[Line]:
@@ -45,37 +47,49 @@ def sights(quick: bool) -> Iterator[Line]:
 
 
 def looks(quick: bool) -> Iterator[Line]:
-    """Decisions with the task's camera, and the detectors' part of them."""
-    steps = 15 if quick else 40
+    """Decisions with the task's camera, and the detectors' part of them; weeders through both pairs of eyes."""
     for env_id in env_ids():
         if "camera" not in task(env_id).perceptions:
             continue
-        easy: dict[str, Any] = {"eyes": "classical", "pictures": "easy"} if "Weeding" in env_id else {}
-        env: Any = gym.make(env_id, backend="analytic", perception="camera", **easy)
-        policy = make_policy(reference_policy(env_id), env)
-        observation, _ = env.reset(seed=3)
-        watch = cProfile.Profile(time.thread_time)
-        spent = 0.0
-        for step in range(steps + WARM_UP):
-            action = act_single(policy, observation)
-            start = time.thread_time()
-            if step >= WARM_UP:
-                watch.enable()
-            observation, _, end, cut, _ = env.step(action)
-            if end or cut:
-                observation, _ = env.reset()
-            watch.disable()
-            spent += time.thread_time() - start if step >= WARM_UP else 0.0
-        env.close()
         name = env_id.removeprefix("fieldgym/").removesuffix("-v0")
-        yield Line(f"{name}, a decision by camera", 1e3 * spent / steps, "ms", note="analytic backend")
-        for detector, calls, seconds in _detectors(watch):
-            limit = DETECTOR_MS.get(detector)
-            yield Line(f"{name}, {detector} found", 1e3 * seconds / calls, "ms", limit, True, f"a look, of {calls}")
+        if "Weeding" not in env_id:
+            yield from _looks(env_id, name, quick)
+            continue
+        yield from _looks(env_id, name, quick, eyes="classical", pictures="easy")
+        for seen in ("easy", "field"):
+            yield from _looks(env_id, f"{name}, learned eyes, {seen} pictures", quick, eyes="learned", pictures=seen)
 
 
-def _detectors(watch: cProfile.Profile) -> Iterator[tuple[str, int, float]]:
-    """Name, calls and seconds of every detector of the room of perception that was called."""
-    for (path, _, function), (calls, _, _, seconds, _) in pstats.Stats(watch).stats.items():  # type: ignore[attr-defined]
-        if function == "detect" and Path(path).parent.name == "perception":
-            yield Path(path).stem, calls, seconds
+def _looks(env_id: str, name: str, quick: bool, **kinds: Any) -> Iterator[Line]:
+    """The reference's decisions on a field, and what its eyes and their detectors took of them."""
+    steps = 15 if quick else 40
+    env: Any = gym.make(env_id, backend="analytic", perception="camera", **kinds)
+    policy = make_policy(reference_policy(env_id), env)
+    observation, _ = env.reset(seed=3)
+    watch = cProfile.Profile(time.thread_time)
+    spent = 0.0
+    for step in range(steps + WARM_UP):
+        action = act_single(policy, observation)
+        start = time.thread_time()
+        if step >= WARM_UP:
+            watch.enable()
+        observation, _, end, cut, _ = env.step(action)
+        if end or cut:
+            observation, _ = env.reset()
+        watch.disable()
+        spent += time.thread_time() - start if step >= WARM_UP else 0.0
+    env.close()
+    yield Line(f"{name}, a decision by camera", 1e3 * spent / steps, "ms", note="analytic backend")
+    for path, function, calls, seconds in _watched(watch):
+        what, limit = f"{path.stem} found", DETECTOR_MS.get(path.stem)
+        if path.stem == "eyes":
+            what, limit = f"eyes of the {function} camera", EYES_MS[function]
+        yield Line(f"{name}, {what}", 1e3 * seconds / calls, "ms", limit, True, f"a look, of {calls}")
+
+
+def _watched(watch: cProfile.Profile) -> Iterator[tuple[Path, str, int, float]]:
+    """File, function, calls and seconds of the detectors (room of perception) and of the eyes, by camera."""
+    for (file, _, function), (calls, _, _, seconds, _) in pstats.Stats(watch).stats.items():  # type: ignore[attr-defined]
+        path = Path(file)
+        if (function == "detect" and path.parent.name == "perception") or (path.stem == "eyes" and function in EYES_MS):
+            yield path, function, calls, seconds

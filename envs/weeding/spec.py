@@ -32,9 +32,9 @@ LASER_WEEDING = TaskSpec(
     planners=("receding-horizon",),
     sights=(
         ({}, 200),
-        ({"eyes": "classical"}, 60),
+        ({"eyes": "classical"}, 40),
         ({"pictures": "easy"}, 200),
-        ({"eyes": "classical", "pictures": "easy"}, 60),
+        ({"eyes": "classical", "pictures": "easy"}, 40),
     ),
 )
 
