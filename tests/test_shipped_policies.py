@@ -16,7 +16,7 @@ from fieldgym.envs import env_ids
 SHIPPED = sorted((Path(fieldgym.__file__).parent / "assets" / "policies").glob("*.npz"))
 SCORES = {
     "HoeWeeding-v0.load-1.25": (66.60409259879455, 0.579416911451321, 1.512762680987966),
-    "LaserWeeding-v0.battery": (44.23238588398639, 0.39195219879516796, 1.7020733341902985),
+    "LaserWeeding-v0.battery": (55.02588621570891, 0.48516595680630653, 1.3585939464423995),
     "LaserWeeding-v0.load-1.25": (76.00235581205823, 0.6691459990150181, 1.01970833143841),
     "LaserWeeding-v0.worth": (73.04788062937799, 0.6255899310346055, 1.0808478860348822),
     "LaserWeedingSpeed-v0.load-1.25": (81.4535696742043, 0.7276238979992504, 1.0926664777381772),
