@@ -95,11 +95,19 @@ def test_a_planner_that_saves_energy_kills_more_than_one_that_takes_what_comes()
 def test_a_network_that_knows_of_no_energy_decides_without_looking_at_it():
     env: Any = battery()
     plenty: Any = gym.make(ID, scenario="load-1.25", backend="analytic", perception="model")
-    with pytest.warns(UserWarning, match="was trained on load-1.25"):
-        policy = make_policy("learned", env)
     (scarce, _), (free, _) = env.reset(seed=2), plenty.reset(seed=2)
-    known = make_policy("learned", plenty)
+    known: Any = make_policy("learned", plenty)
+    policy = known.fitted(env)
     for _ in range(5):
         action = policy.act({name: values[None] for name, values in scarce.items()})
         assert action == known.act({name: values[None] for name, values in free.items()})
         scarce, free = env.step(int(action[0]))[0], plenty.step(int(action[0]))[0]
+
+
+def test_the_network_that_ships_for_it_asks_what_is_left():
+    env: Any = battery()
+    policy: Any = make_policy("learned", env)
+    shown = {name: values[None] for name, values in env.reset(seed=2)[0].items()}
+    assert shown["machine"][0, -1] == 1.0
+    spent = {**shown, "machine": shown["machine"] * np.array([1, 1, 1, 1, 1, 1, 1, 0.3], np.float32)}
+    assert (policy.logits(spent) != policy.logits(shown)).any()
