@@ -4,9 +4,9 @@
 
 Both cameras look at rendered strips on level ground that nothing was trained, fitted or chosen on. What they tell of is
 handed to the rules as reports, at every load whose fields these are, and a policy works on it; then the model reports
-of the same fields, several times each, and the same policy works on that. Differences are paired by field. Weeds are
-counted by category of the budget (``weed_budget.py``) too: what shows of a weed is the pictures', whether it becomes a
-track and how far that is off is the model's.
+of the same fields, several times each, and the same policy works on that. Differences are paired by field, each with
+its 95 % interval over resampled fields. Weeds are counted by category of the budget (``weed_budget.py``) too: what
+shows of a weed is the pictures', whether it becomes a track and how far that is off is the model's.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from fieldgym.envs.weeding.tools.laser.calibration import Seen
 from fieldgym.envs.weeding.tools.laser.config import WeedingConfig
 from fieldgym.envs.weeding.tools.laser.env import laser_core
 from fieldgym.kernels.seeds import EYES_SHOWN
-from fieldgym.scripts.weed_budget import played, told
+from fieldgym.scripts.weed_budget import bootstrapped, played, told
 from fieldgym.scripts.weed_looks import CATEGORIES, RIGHT, Shown, Strip, look_at, sorted_out, usual_px
 
 SKIPPED = 100
@@ -83,9 +83,10 @@ def shares(strips: Sequence[Strip]) -> NDArray[np.float64]:
     return np.array(rows)
 
 
-def spread(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard error of the mean over the first axis."""
-    return values.std(axis=0, ddof=1) / np.sqrt(len(values))
+def said(differences: NDArray[np.float64]) -> str:
+    """Mean of differences (n,) and its interval, as text."""
+    mean, (low, high) = bootstrapped(differences)
+    return f"{mean:+.1f} [{low:.1f}, {high:.1f}]"
 
 
 def compared(
@@ -124,17 +125,8 @@ def main(
         strips, how = look_at(eyes, pictures, name, fields, first_seed)
         rows, seen, drawn = compared(name, model, strips, how, policy, eyes=eyes, pictures=pictures)
         for load, cameras, modelled in rows:
-            off = modelled - cameras
-            kills.add_row(
-                load, f"{cameras.mean():.1f}", f"{modelled.mean():.1f}", f"{off.mean():+.1f} +- {spread(off):.1f}"
-            )
-        off = drawn - seen
-        columns.append(
-            [
-                f"{a:.1f}, {b:+.1f} +- {c:.1f}"
-                for a, b, c in zip(seen.mean(axis=0), off.mean(axis=0), spread(off), strict=True)
-            ]
-        )
+            kills.add_row(load, f"{cameras.mean():.1f}", f"{modelled.mean():.1f}", said(modelled - cameras))
+        columns.append([f"{a.mean():.1f}, {said(b - a)}" for a, b in zip(seen.T, drawn.T, strict=True)])
     for row in zip(NAMES, *columns, strict=True):
         losses.add_row(*row)
     console.print(f"[bold]{eyes} eyes, {pictures} pictures, {policy}, {fields} fields a tier, {DRAWS} draws[/bold]")
