@@ -264,7 +264,7 @@ def beliefs_of(config: Any, tool: Any, tables: Outcomes, rows: Any) -> tuple[Any
     at = [(0.3 * weed["along"], 0.2 * weed["across"]) for weed in rows]
     kind = [3 * int(weed["grass"] > 0.5) + int(np.argmax([weed[stage] for stage in STAGES])) for weed in rows]
     apart = {(i, j): sqrt((at[i][0] - at[j][0]) ** 2 + (at[i][1] - at[j][1]) ** 2) for i in there for j in there}
-    sure = [sum(weed["confidence"] >= edge for edge in (0.4, 0.7, 0.84)) for weed in rows]
+    sure = [sum(weed["confidence"] >= edge for edge in (0.3, 0.35, 0.4, 0.7, 0.84)) for weed in rows]
     beside = {k: [j for j in there if j != k and apart[k, j] < 0.05] for k in there}
 
     def left(k: int, mode: int, taken: dict[int, int]) -> float:
@@ -275,8 +275,8 @@ def beliefs_of(config: Any, tool: Any, tables: Outcomes, rows: Any) -> tuple[Any
         others = [apart[k, j] for j in there if j != k]
         nearest_m, crowd = min(others, default=inf), sum(gap < 0.12 for gap in others)
         crop = sum(0.05 * rows[k]["crop_gap"] >= edge for edge in (0.015, 0.03, 0.05, 0.065, 0.08, 0.11))
-        near = sum(nearest_m >= edge for edge in (0.006, 0.012, 0.02, 0.03, 0.05))
-        return float(tables.own[kind[k], crop, near, sure[k], (crowd >= 1) + (crowd >= 3), mode])
+        near = sum(nearest_m >= edge for edge in (0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.05))
+        return float(tables.own[kind[k], crop, near, sure[k], sum(crowd >= edge for edge in (1, 2, 3, 5, 8)), mode])
 
     def value(k: int, mode: int, taken: dict[int, int]) -> float:
         killed = own(k, mode) * left(k, mode, taken)

@@ -32,6 +32,14 @@ class Policy(Protocol):
         ...
 
 
+class Planner(Policy, Protocol):
+    """A policy that tells what it believes, so that beliefs can be held to what happens."""
+
+    def expected(self, observation: Observation, actions: Actions) -> NDArray[np.float64]:
+        """What decisions (B,) that were just taken are expected to bring, in what the planner adds up; 0 for none."""
+        ...
+
+
 class StatelessPolicy:
     """Base of policies that remember nothing."""
 

@@ -168,6 +168,14 @@ class GramsPerSecond(ConfiguredPolicy):
         effort = surplus[np.arange(len(slot)), slot].argmax(axis=-1)
         return decided(observation, slot, effort, worth.any(axis=1))
 
+    def expected(self, observation: Observation, actions: Actions) -> NDArray[np.float64]:
+        """Grams (B,) that picks are expected to bring."""
+        candidates = candidate_table(observation)
+        slots = candidates.shape[1]
+        slot, effort = np.minimum(actions // len(EFFORTS), slots - 1), actions % len(EFFORTS)
+        grams = believed_area(candidates[np.arange(len(slot)), slot]) * self._grams[effort]
+        return np.where(actions < slots * len(EFFORTS), grams, 0.0)
+
     def _next(self, observation: Observation, travel_s: NDArray[Any], worth: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Slot (B,) of the next head among those that are worth their time."""
         return np.where(worth, -travel_s, -np.inf).argmax(axis=1)

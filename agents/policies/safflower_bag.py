@@ -212,6 +212,20 @@ class BagHorizon(GramsPerSecond):
         picks = (found != NOTHING) & (candidate < slots)
         return np.where(picks, slot * len(EFFORTS) + effort, slots * len(EFFORTS) + other)
 
+    def expected(self, observation: Observation, actions: Actions) -> Array:
+        """Grams (B,) that picks are expected to bring."""
+        if not demanding(observation):
+            return super().expected(observation, actions)
+        problem, order = self.problem(observation)
+        machine, grams = observation["machine"].astype(np.float64), np.zeros(len(order))
+        slot, effort = np.divmod(actions, len(EFFORTS))
+        for w in np.flatnonzero(slot < order.shape[1]).tolist():
+            bag_g, across_m = machine[w, DM.bag] * self._bag_g, machine[w, M.across] * ACROSS_SCALE_M
+            candidate = int(np.flatnonzero(order[w] == slot[w])[0])
+            step = extend(problem, w, 0.0, across_m, bag_g, 0.0, candidate, int(effort[w]), Taken(0, 0, 0), True)
+            grams[w] = step.z - bag_g
+        return grams
+
     def problem(self, observation: Observation) -> tuple[Picks, NDArray[np.int64]]:
         """What the search works on, and the slot (B, K) behind each candidate."""
         config, scenario = self.config, self.config.scenario

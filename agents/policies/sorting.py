@@ -221,6 +221,16 @@ class PickPlanner(ConfiguredPolicy):
         self._hold_s = hold_s(stroke_s(down, self._paces.down_pace, self._paces.square_pace), grip.grip_s)
         self._bins = np.array(config.belt.bins_m, float)
 
+    def gain(self, observation: Observation) -> Array:
+        """What gripping each candidate (B, K) is expected to bring."""
+        raise NotImplementedError
+
+    def expected(self, observation: Observation, actions: Actions) -> Array:
+        """What picks (B,) are expected to bring."""
+        gain = self.gain(observation)
+        worlds, k = gain.shape
+        return np.where(actions < k, gain[np.arange(worlds), np.minimum(actions, k - 1)], 0.0)
+
     def _picks(self, observation: Observation, gain: Array, price: float) -> Picks:
         """What can be gripped, with what each item is expected to bring (B, K) and what a second costs."""
         table = np.moveaxis(candidate_table(observation), -1, 0).astype(np.float64)
@@ -293,9 +303,11 @@ class RecedingHorizon(PickPlanner):
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
+        picks = self._picks(observation, self.gain(observation), self._price)
+        return self._plan(picks, picks)
+
+    def gain(self, observation: Observation) -> Array:
+        """See ``PickPlanner``."""
         table = candidate_table(observation).astype(np.float64)
         gain = table[..., CANDIDATE.quality]
-        if self._by_value:
-            gain = gain * table[..., CANDIDATE.value]
-        picks = self._picks(observation, gain, self._price)
-        return self._plan(picks, picks)
+        return gain * table[..., CANDIDATE.value] if self._by_value else gain

@@ -180,6 +180,7 @@ class OrderHorizon(PickPlanner):
         """See ``PickPlanner``."""
         super().__init__(config, depth, width, budget_ms)
         orders, values = config.scenario.orders, np.array(config.produce.value, float)
+        self._full = values
         self._values = values if by_value else np.ones(KINDS)
         self._orders = orders
         # By number a surplus item counts nothing.
@@ -193,6 +194,14 @@ class OrderHorizon(PickPlanner):
         gain = table[..., CANDIDATE.quality] * (table[..., GRADE_COLUMNS] @ self._values)
         picks = self._picks(observation, gain, self._price)
         return self._plan(self.problem(observation, picks), picks, 0.0)
+
+    def gain(self, observation: Observation) -> Array:
+        """What gripping each candidate now is expected to deliver (B, K), what is sold loose as its share."""
+        table = candidate_table(observation).astype(np.float64)
+        full = table[..., GRADE_COLUMNS] @ self._full
+        waited_for = table[..., CANDIDATE.value] > 0.5 * (1.0 + self._orders.surplus) * full
+        worth = table[..., GRADE_COLUMNS] @ self._values
+        return table[..., CANDIDATE.quality] * worth * np.where(waited_for, 1.0, self._surplus)
 
     def problem(self, observation: Observation, picks: Picks) -> OrderedPicks:
         """What the search works on."""

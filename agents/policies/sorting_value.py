@@ -190,9 +190,13 @@ class ValueSearch(PickPlanner):
         problem = self.problem(observation)
         return self._plan(problem, problem.picks)
 
+    def gain(self, observation: Observation) -> Array:
+        """Reward that gripping each candidate is expected to bring (B, K)."""
+        return gain_features(candidate_table(observation)) @ self._gain
+
     def problem(self, observation: Observation) -> ValuedPicks:
         """What the search works on."""
-        gain = gain_features(candidate_table(observation)) @ self._gain
+        gain = self.gain(observation)
         place_m = observation["machine"][:, _PLACE].astype(np.float64) * PLACE_SCALE_M
         time_s = elapsed_s(observation, self._config)
         return ValuedPicks(self._picks(observation, gain, 0.0), time_s, place_m, self._arrivals, self._value)

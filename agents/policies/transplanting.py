@@ -43,7 +43,7 @@ class _Rule(ConfiguredPolicy):
         self._n, self._m = scenario.source.columns, scenario.target.columns
         chances = speed_chances(config.machine, process)
         arrives = (1.0 - chances[:, H.lose]) * (1.0 - chances[:, H.damage])
-        good = process.extraction * arrives
+        good = self._good = process.extraction * arrives
         self._value = weights.planted * good + weights.spoiled * (1.0 - good)
 
     def act(self, observation: Observation) -> Actions:
@@ -54,6 +54,10 @@ class _Rule(ConfiguredPolicy):
         chosen = np.where(there, self._choose(observation, pairs), 0)
         index = observation["action_mask"].shape[1] + move
         return np.where(there, chosen * len(SPEEDS) + self._speed(observation, chosen), index)
+
+    def expected(self, observation: Observation, actions: Actions) -> Array:
+        """Cells (B,) that transplants are expected to fill with what they are to hold."""
+        return np.where(actions < len(SPEEDS) * self._n * self._m, self._good[actions % len(SPEEDS)], 0.0)
 
     def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Pair (B,) out of ``pairs`` (B, K); worlds without one may get anything."""

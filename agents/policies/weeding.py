@@ -168,6 +168,11 @@ class _SpeedRule:
         """Forget."""
         self._policy.reset(rows)
 
+    def expected(self, observation: Observation, actions: Actions) -> Array:
+        """What the other rule expects (B,) of its shots, if it plans."""
+        policy: Any = self._policy
+        return policy.expected(observation, actions % self._block)
+
 
 class AtSpeed(_SpeedRule):
     """Another rule's shots at a constant speed, a multiple of the scenario's own."""

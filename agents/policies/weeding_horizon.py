@@ -247,6 +247,10 @@ class RecedingHorizon(ScriptedWeeder):
         self._memory.add(cart_m, place, kind[rows, slot], confidence, mode, fired)
         return np.where(fired, answer, self.wait)
 
+    def expected(self, observation: Observation, actions: Actions) -> Array:
+        """Kills (B,) that the last decisions are expected to bring: they depend on what is remembered."""
+        return self.believed
+
     def _problem(self, observation: Observation) -> tuple[Shots, Array, NDArray[np.int64], NDArray[np.int64], Array]:
         """What the search works on, expected kills (B, K, M), candidates (B,), their kinds (B, K), the carts (B,)."""
         config, tool, weights = self.config, self.outlook, self.config.weights

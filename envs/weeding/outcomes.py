@@ -39,12 +39,13 @@ from .timing import G
 KINDS = len(SPECIES) * len(STAGES)
 CROP_GAPS_M = (0.015, 0.030, 0.050, 0.065, 0.080, 0.110)
 """Ascending distances to the nearest crop plant that part the classes of own kills."""
-NEIGHBOUR_GAPS_M = (0.006, 0.012, 0.020, 0.030, 0.050)
+NEIGHBOUR_GAPS_M = (0.005, 0.010, 0.015, 0.020, 0.025, 0.030, 0.050)
 """The same for the nearest other report."""
-CONFIDENCES = (0.4, 0.7, 0.84)
-"""The same for how sure the cameras are: of six pictures all, all but one, and many fewer."""
+CONFIDENCES = (0.3, 0.35, 0.4, 0.7, 0.84)
+"""The same for how sure the cameras are: of six pictures all, all but one, and many fewer; learned eyes are least
+sure of what is hardly ever there."""
 CROWD_M = 0.12
-CROWDS = (1, 3)
+CROWDS = (1, 2, 3, 5, 8)
 """The same for how many other reports lie within ``CROWD_M``: weeds stand in patches, false reports anywhere, so that
 a report among many is more often true, and has more beside it that no camera has seen."""
 STEP_M, STEPS = 0.005, 10
