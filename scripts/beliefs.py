@@ -251,7 +251,8 @@ def played(account: Account, seeds: Sequence[int], **settings: Any) -> Played:
         tried &= decision.under_way
         believed = scale * planner.expected(decision.observation, decision.actions)
         found.append([values[tried] for values in (believed, happened, label)])
-    return Played(*(np.concatenate(parts) for parts in zip(*found, strict=True)), account.kind)
+    believed, happened, label = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return Played(believed, happened, label, account.kind)
 
 
 def told(account: Account, seeds: Sequence[int]) -> list[Cell]:
