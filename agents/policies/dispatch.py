@@ -54,9 +54,9 @@ def wants_second(observation: Observation) -> NDArray[np.float32]:
 class Dispatch:
     """Decides what is presented."""
 
-    def __init__(self, config: Any):
-        """Take what is known beforehand."""
-        self.config = config
+    def __init__(self, config: Any, belief: Any):
+        """Take what is known beforehand, and a ``tray_belief.TrayBelief``."""
+        self.config, self.belief = config, belief
 
     def moves(self, observation: Observation, pairs: Flags) -> Moves:
         """Move (B,), ``PLANT`` where one of the ``pairs`` (B, K) is to be planted: there must be one then."""

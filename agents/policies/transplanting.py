@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from itertools import combinations, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from ...envs.transplanting.columns import MOVE_SCALE_S, C, H, W, candidate_table
-from ...envs.transplanting.config import SPEEDS, TransplantingConfig
-from ...envs.transplanting.process import speed_chances
+from ...envs.transplanting.columns import MOVE_SCALE_S, C, W, candidate_table
+from ...envs.transplanting.config import SPEEDS, PerceptionModel, TransplantingConfig
 from ...envs.transplanting.timing import CLEARING, STRAIGHT, times
 from .base import Actions, ConfiguredPolicy, Observation
 from .dispatch import PLANT, Dispatch, EarliestDue, InLine, OneLine, Richest, wants_second
 from .routes import held_karp
+from .tray_belief import Gains, TrayBelief
 
 Array = NDArray[np.float64]
 
@@ -34,17 +34,20 @@ class _Rule(ConfiguredPolicy):
     chooses_speed = True
     dispatch: type[Dispatch] = InLine
 
-    def __init__(self, config: TransplantingConfig):
-        """Take the machine's times and the plugs' chances from the configuration."""
-        self._dispatch = (self.dispatch if config.scenario.orders.on else OneLine)(config)
-        scenario, process, weights = config.scenario, config.process, config.weights
+    def __init__(self, config: TransplantingConfig, perception: PerceptionModel | None = None):
+        """Take the machine's times and the plugs' chances from the configuration, cells' from the cameras too."""
+        self.belief = TrayBelief(config, perception)
+        self._dispatch = (self.dispatch if config.scenario.orders.on else OneLine)(config, self.belief)
+        scenario, self._weights = config.scenario, config.weights
         self._times = times(config)
         self._carry_s = np.ascontiguousarray(self._times.carry[..., W.s])
         self._n, self._m = scenario.source.columns, scenario.target.columns
-        chances = speed_chances(config.machine, process)
-        arrives = (1.0 - chances[:, H.lose]) * (1.0 - chances[:, H.damage])
-        good = self._good = process.extraction * arrives
-        self._value = weights.planted * good + weights.spoiled * (1.0 - good)
+
+    @classmethod
+    def make(cls, env: Any, seed: int) -> Any:
+        """The policy for an environment; the factory under which it is registered."""
+        core = env.unwrapped.core
+        return cls(core.config, core.perception)
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
@@ -57,7 +60,14 @@ class _Rule(ConfiguredPolicy):
 
     def expected(self, observation: Observation, actions: Actions) -> Array:
         """Cells (B,) that transplants are expected to fill with what they are to hold."""
-        return np.where(actions < len(SPEEDS) * self._n * self._m, self._good[actions % len(SPEEDS)], 0.0)
+        plants = actions < len(SPEEDS) * self._n * self._m
+        gains = self._gains(observation, np.where(plants, actions // len(SPEEDS), 0))
+        return np.where(plants, gains.cells[np.arange(len(actions)), actions % len(SPEEDS)], 0.0)
+
+    def _gains(self, observation: Observation, pair: NDArray[np.int64]) -> Gains:
+        """What pairs (B,) bring on average at each speed."""
+        clear = np.take_along_axis(candidate_table(observation)[..., C.clear], pair[:, None], axis=1)[:, 0] > 0.0
+        return self.belief.gains(observation, wants_second(observation) > 0.0, clear)
 
     def _choose(self, observation: Observation, pairs: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Pair (B,) out of ``pairs`` (B, K); worlds without one may get anything."""
@@ -75,7 +85,9 @@ class _Rule(ConfiguredPolicy):
             return NORMAL
         approach = np.take_along_axis(self._approach_s(observation), pair[:, None], axis=1)
         seconds = approach + self._times.handle_s + self._carry_s[:, pair].T
-        return (self._value / seconds).argmax(axis=1)
+        gains = self._gains(observation, pair)
+        value = self._weights.planted * gains.cells + self._weights.spoiled * gains.spoiled
+        return (value / seconds).argmax(axis=1)
 
 
 class FixedOrder(_Rule):

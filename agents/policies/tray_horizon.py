@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.transplanting.columns import NEXT_SOURCE, NEXT_TARGET, TURN_SOURCES, TURN_TARGETS, E, H, M, W
+from ...envs.transplanting.columns import NEXT_SOURCE, NEXT_TARGET, TURN_SOURCES, TURN_TARGETS, E, M, W
 from ...envs.transplanting.config import SPEEDS
 from ...envs.transplanting.order_columns import LEFT_SCALE_S
-from ...envs.transplanting.process import speed_chances
 from ...envs.transplanting.timing import STRAIGHT, times
 from ...kernels import compiled
 from .base import Observation
@@ -36,23 +35,22 @@ _LEAST = 0.05
 class Planned(Dispatch):
     """The first move of the best play."""
 
-    def __init__(self, config: Any):
+    def __init__(self, config: Any, belief: Any):
         """Take what everything takes, and what seedlings are worth."""
-        super().__init__(config)
+        super().__init__(config, belief)
         scenario, table, weights = config.scenario, times(config), config.weights
         self._n, self._m = scenario.source.columns, scenario.target.columns
         self._rows = scenario.source.rows, scenario.target.rows
         self._trays = scenario.source_trays, scenario.target_trays
-        chances = speed_chances(config.machine, config.process)
-        arrives = (1.0 - chances[:, H.lose]) * (1.0 - chances[:, H.damage])
         normal = SPEEDS.index("normal")
+        self._whole = belief.whole[normal]
         targets = self._n + np.arange(self._m)
         back = table.approach[STRAIGHT, targets][..., W.s].mean()
         rise = float(table.rise[targets, W.s].mean())
         self._numbers = np.array(
             [
                 float(table.carry[normal, :, W.s].mean() + back + table.handle_s),
-                config.process.extraction * arrives[normal],
+                belief.closes[normal],
                 table.row_s[E.source, 0] + rise,
                 table.row_s[E.target, 0] + rise,
                 table.turn_s[E.source] + rise,
@@ -69,13 +67,13 @@ class Planned(Dispatch):
         machine, seen, mask = observation["machine"], carousels(observation), observation["action_mask"]
         there, move = pairs.any(axis=1), np.zeros(len(pairs), np.int64)
         source, order = seen.source[:, : self._trays[0]], seen.order[:, : self._trays[1]]
-        kept = 1.0 - self.config.scenario.vacancy
         for w in range(len(pairs)):
-            supply = np.empty((self._trays[0], 5))
+            supply = np.empty((self._trays[0], 7))
             supply[:, 0] = np.round(source[w, :, S.rows] * self._rows[0])
             supply[:, 1:3] = np.round(source[w][:, [S.first, S.second]] * self._n)
-            share = source[w, :, S.share]
-            supply[:, 3:] = self._n * kept * np.stack([1.0 - share, share], axis=1)
+            share = source[w, :, S.share].astype(np.float64)
+            supply[:, 3:5] = self._n * self.belief.reported(share)
+            supply[:, 5:] = self._whole * self.belief.right(share)
             orders = np.zeros((self._trays[1], 4))
             cells = np.round(order[w, :, O.cells] * self._rows[1] * self._m)
             orders[:, 0] = order[w, :, O.second]
@@ -104,12 +102,12 @@ def best_move(numbers: Array, prices_s: Array, leasts: Array, supply: Array, ord
     """The first move of the play that is worth most.
 
     Args:
-        numbers: seconds of a transplant, its chance, seconds of a source row, a target row, a turn of either carousel;
-            worth of a cell, of a second, of a wasted seedling; cells of a target row.
+        numbers: seconds of a transplant, the chance that it closes its cell, seconds of a source row, a target row, a
+            turn of either carousel; worth of a cell, of a second, of a wasted seedling; cells of a target row.
         prices_s: see ``PRICES_S``.
         leasts: see ``LEASTS``.
-        supply: (source trays, 5), from the presented one on: rows behind the waiting one, seedlings of either grade in
-            that one, and in an average row.
+        supply: (source trays, 7), from the presented one on: rows behind the waiting one, seedlings reported to be of
+            either grade in that one, and in an average row, chances that they are and arrive unhurt.
         orders: (orders, 4), from the presented one on: grade, seconds left (0: closed), open cells of the waiting row,
             rows behind it.
     """
@@ -149,7 +147,7 @@ def play(numbers: Array, price_s: float, least: float, supply: Array, orders: Ar
             begins = PLANT if begins > 0 else begins
             used = min(stock[tray, 1 + grade], open_cells[this] / chance, (orders[this, 1] - now_s) / tau + _LEAST)
             now_s += used * tau
-            planted += used * chance if now_s <= orders[this, 1] else max(used - _LEAST, 0.0) * chance
+            planted += (used if now_s <= orders[this, 1] else max(used - _LEAST, 0.0)) * chance * stock[tray, 5 + grade]
             open_cells[this] = max(open_cells[this] - used * chance, 0.0)
             stock[tray, 1 + grade] -= used
             continue
