@@ -13,7 +13,8 @@ from fieldgym.agents.policies.value_weights import SHAPES
 from fieldgym.agents.policies.weights import PolicyFileError
 from fieldgym.envs.sorting.columns import Candidate as Item
 from fieldgym.envs.sorting.columns import Machine as Sorter
-from fieldgym.envs.sorting.config import SortingConfig
+from fieldgym.envs.sorting.config import PerceptionModel, SortingConfig
+from fieldgym.envs.sorting.odds import Odds
 
 GRADES = ("ware", "seed", "ripe", "green")
 
@@ -111,10 +112,12 @@ def test_the_sorter_s_planner_begins_with_the_best_sequence(by_value):
         rows[w][k] = dict(zip(Item._fields, map(float, table[w, k]), strict=True))
     depth, shown = 3, 24
     actions = sorting.RecedingHorizon(config, depth, 200, by_value=by_value).act(observation)
-    mean = sum(config.produce.value) / 4.0 if by_value else 1.0
-    price, waits = 0.45 * config.grip.best * mean / 1.6, 0
+    odds = Odds(config, PerceptionModel.measured())
+    mean = sum(odds.aligned * np.array(config.produce.value if by_value else (1.0,) * 4)) / 4.0
+    price, waits = 0.45 * mean / 1.6, 0
     for w in [*range(shown), WORLDS - 1]:
-        gain = [item["quality"] * (item["value"] if by_value else 1.0) for item in rows[w]]
+        chances = odds.placed(table[w].astype(float))
+        gain = [chance * (item["value"] if by_value else 1.0) for chance, item in zip(chances, rows[w], strict=True)]
         best, grow = sequences_of(config, observation, rows, w, gain, price)
         grow((), (0.0, 0.0), 0.0, 0.0, depth)
         waits += not best

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from ...envs.sorting.columns import (
     CANDIDATE,
     CYCLE_SCALE_S,
-    KINDS,
     PLACE_SCALE_M,
     TURN_SCALE_RAD,
     WAIT_SCALE_S,
     candidate_table,
 )
-from ...envs.sorting.config import REFERENCE_CYCLE_S, SortingConfig
+from ...envs.sorting.config import REFERENCE_CYCLE_S, PerceptionModel, SortingConfig
+from ...envs.sorting.odds import GRADE_COLUMNS, GRIP_LEVEL_M, Odds
 from ...envs.sorting.reports import SWING_M
 from ...envs.sorting.timing import Paces, approach_s, hold_s, stroke_s, way_s
 from ...kernels import bind, compiled
@@ -25,11 +25,6 @@ from .base import Actions, ConfiguredPolicy, Observation, StatelessPolicy
 from .search import NOTHING, Step, Taken, search, within
 
 Array = NDArray[np.float64]
-
-GRADE_COLUMNS = slice(CANDIDATE.ware, CANDIDATE.ware + KINDS)
-"""Where a candidate's grades stand among its features."""
-_GRIP_LEVEL_M = 0.010
-"""Typical height of the platform when it grips."""
 
 
 def time_left_s(table: Array) -> Array:
@@ -217,7 +212,7 @@ class PickPlanner(ConfiguredPolicy):
         self._depth, self._width, self._budget_ms = depth, width, budget_ms
         self._paces, grip = Paces.of(config), config.grip
         self._turn_limits = config.machine.sorter.turn_rad_s, config.machine.sorter.turn_rad_s2
-        down = config.machine.travel_level_m - _GRIP_LEVEL_M
+        down = config.machine.travel_level_m - GRIP_LEVEL_M
         self._hold_s = hold_s(stroke_s(down, self._paces.down_pace, self._paces.square_pace), grip.grip_s)
         self._bins = np.array(config.belt.bins_m, float)
 
@@ -279,6 +274,7 @@ class RecedingHorizon(PickPlanner):
         depth: picks ahead.
         width: sequences kept at each depth.
         by_value: count values instead of items.
+        perception: statistics of the camera; None: those that ship with the package.
         budget_ms: see ``PickPlanner``.
     """
 
@@ -291,15 +287,16 @@ class RecedingHorizon(PickPlanner):
         width: int = 16,
         *,
         by_value: bool = False,
+        perception: PerceptionModel | None = None,
         budget_ms: float | None = None,
     ):
         """See ``PickPlanner``."""
         super().__init__(config, depth, width, budget_ms)
-        self._by_value = by_value
-        mean_value = float(np.mean(config.produce.value)) if by_value else 1.0
+        self._by_value, self._odds = by_value, Odds(config, perception or PerceptionModel.measured())
+        mean = float(np.mean(self._odds.aligned * (config.produce.value if by_value else 1.0)))
         # Half of what work without pause earns, less a tenth for bad fits [of 0 to 1, on seeds 0-99]: items that no
         # camera has seen yet will want the time.
-        self._price = 0.45 * config.grip.best * mean_value / REFERENCE_CYCLE_S
+        self._price = 0.45 * mean / REFERENCE_CYCLE_S
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
@@ -309,5 +306,5 @@ class RecedingHorizon(PickPlanner):
     def gain(self, observation: Observation) -> Array:
         """See ``PickPlanner``."""
         table = candidate_table(observation).astype(np.float64)
-        gain = table[..., CANDIDATE.quality]
+        gain = self._odds.placed(table)
         return gain * table[..., CANDIDATE.value] if self._by_value else gain

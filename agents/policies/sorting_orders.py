@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from ...envs.sorting.columns import CANDIDATE, KINDS, candidate_table
-from ...envs.sorting.config import REFERENCE_CYCLE_S, SortingConfig
+from ...envs.sorting.config import REFERENCE_CYCLE_S, PerceptionModel, SortingConfig
+from ...envs.sorting.odds import GRADE_COLUMNS, Odds, shares
 from ...envs.sorting.order_columns import BOOK, DUE_SCALE_S, LEFT_SCALE, LINES_SHOWN, READY_SCALE_S, STRIDE
 from ...kernels import bind, compiled
 from .base import Actions, Observation
 from .search import Step, Taken
-from .sorting import GRADE_COLUMNS, PickPlanner, Picks, RecedingHorizon, over_bin
+from .sorting import PickPlanner, Picks, RecedingHorizon, over_bin
 
 Array = NDArray[np.float64]
 
@@ -29,17 +30,6 @@ CAUGHT = 0.8
 """Share of what comes that a machine with nothing better to do would deliver [of 0.4 to 0.8, on the same]."""
 SAVED = 0.3
 """Worth of an item whose line others would fill as well: the time of one pick later [of 0.1 to 0.8, on the same]."""
-
-
-def shares(config: SortingConfig) -> Array:
-    """Share of each grade (4,) in what comes."""
-    produce = config.produce
-    low, high = produce.tuber_length_m
-    levels = round((high - low) / produce.length_step_m) + 1
-    lengths = low + (high - low) * np.arange(levels) / max(levels - 1, 1)
-    ware, fruit = float(np.mean(lengths >= produce.ware_from_m)), produce.fruit_share
-    ripe = 1.0 - produce.ripe_from
-    return np.array([(1.0 - fruit) * ware, (1.0 - fruit) * (1.0 - ware), fruit * ripe, fruit * (1.0 - ripe)])
 
 
 class OrderedPicks(NamedTuple):
@@ -163,6 +153,7 @@ class OrderHorizon(PickPlanner):
         depth: picks ahead.
         width: sequences kept at each depth.
         by_value: count values instead of items.
+        perception: statistics of the camera; None: those that ship with the package.
         budget_ms: see ``PickPlanner``.
     """
 
@@ -175,6 +166,7 @@ class OrderHorizon(PickPlanner):
         width: int = 16,
         *,
         by_value: bool = False,
+        perception: PerceptionModel | None = None,
         budget_ms: float | None = None,
     ):
         """See ``PickPlanner``."""
@@ -182,16 +174,16 @@ class OrderHorizon(PickPlanner):
         orders, values = config.scenario.orders, np.array(config.produce.value, float)
         self._full = values
         self._values = values if by_value else np.ones(KINDS)
-        self._orders = orders
+        self._orders, self._odds = orders, Odds(config, perception or PerceptionModel.measured())
         # By number a surplus item counts nothing.
         self._rate_hz = CAUGHT * config.scenario.rate_hz * shares(config)
         self._surplus = orders.surplus if by_value else 0.0
-        self._price = PRICE * config.grip.best * float(self._values.mean()) / REFERENCE_CYCLE_S
+        self._price = PRICE * float(np.mean(self._odds.aligned * self._values)) / REFERENCE_CYCLE_S
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
         table = candidate_table(observation).astype(np.float64)
-        gain = table[..., CANDIDATE.quality] * (table[..., GRADE_COLUMNS] @ self._values)
+        gain = self._odds.placed(table) * (table[..., GRADE_COLUMNS] @ self._values)
         picks = self._picks(observation, gain, self._price)
         return self._plan(self.problem(observation, picks), picks, 0.0)
 
@@ -201,7 +193,7 @@ class OrderHorizon(PickPlanner):
         full = table[..., GRADE_COLUMNS] @ self._full
         waited_for = table[..., CANDIDATE.value] > 0.5 * (1.0 + self._orders.surplus) * full
         worth = table[..., GRADE_COLUMNS] @ self._values
-        return table[..., CANDIDATE.quality] * worth * np.where(waited_for, 1.0, self._surplus)
+        return self._odds.placed(table) * worth * np.where(waited_for, 1.0, self._surplus)
 
     def problem(self, observation: Observation, picks: Picks) -> OrderedPicks:
         """What the search works on."""
@@ -244,6 +236,6 @@ def receding_horizon_by_value(env: Any, seed: int) -> PickPlanner:
 
 
 def _planner(env: Any, by_value: bool) -> PickPlanner:
-    config = env.unwrapped.core.config
-    kind = OrderHorizon if config.scenario.orders.shipments else RecedingHorizon
-    return kind(config, by_value=by_value)
+    core = env.unwrapped.core
+    kind = OrderHorizon if core.config.scenario.orders.shipments else RecedingHorizon
+    return kind(core.config, by_value=by_value, perception=core.perception)

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from ...envs.sorting.columns import CANDIDATE, KINDS, MACHINE, PLACE_SCALE_M, candidate_table
 from ...envs.sorting.config import SortingConfig
+from ...envs.sorting.odds import GRADE_COLUMNS
 from ...kernels import bind, compiled
 from .base import Actions, Observation
 from .search import Step, Taken
-from .sorting import GRADE_COLUMNS, PickPlanner, Picks, queue
+from .sorting import PickPlanner, Picks, queue
 from .sorting import extend as extend_picks
 from .value_weights import ARRIVALS, ENDS, FORMAT, GAINS, LEFT, SHAPES, VALUE
 from .weights import LEARNED, PolicyFileError, Weights, check_weights, whole
