@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.safflower.config import EFFORTS, OPEN_STAGES, SafflowerConfig
+from ...envs.safflower.config import EFFORTS, OPEN_STAGES, PerceptionModel, SafflowerConfig
 from ...envs.safflower.features import (
     ACROSS_SCALE_M,
     AHEAD_SCALE_M,
     DC,
     DM,
-    SIZE_SCALE_M,
     TRAVEL_SCALE_S,
     C,
     M,
@@ -22,19 +21,14 @@ from ...envs.safflower.features import (
 )
 from ...envs.safflower.rules import EMPTYING
 from ...envs.safflower.timing import DRIVE, P, Rates, legs_s, standing_s
-from ...kernels.elementary import exp
 from .base import Actions, ConfiguredPolicy, Observation, StatelessPolicy
+from .picker_belief import PickerBelief
 from .routes import open_route, shortest_route
 
 NORMAL = EFFORTS.index("normal")
 _OPEN = [C.bud + stage for stage in OPEN_STAGES]
-_MEAN_SIZE_M = 0.04785
 _OPEN_SHARE = 0.4
 """Share of a plant's heads that are in bloom and seen on an average day [assumed by the rule]."""
-_SIZE_TRUST = 0.3
-"""How far a reported size is believed to differ from the mean: the rest is the camera's error [assumed by the rule]."""
-_CENTRED_SHARE = 0.9
-"""Share of a stroke's cut that is left on average at the camera's position error [assumed by the rule]."""
 
 
 def demanding(observation: Observation) -> bool:
@@ -59,15 +53,6 @@ def decided(observation: Observation, slot: NDArray[Any], effort: NDArray[Any] |
     if demanding(observation):
         actions = np.where(picks & (observation["machine"][:, DM.bag] >= 1.0), other + EMPTYING, actions)
     return actions
-
-
-def believed_area(candidates: NDArray[Any]) -> NDArray[Any]:
-    """Filaments of candidates (..., F) relative to an average head's: they grow with the tuft's area.
-
-    Much of what the camera sees of a size is its own error.
-    """
-    area = (candidates[..., C.size] * (SIZE_SCALE_M / _MEAN_SIZE_M)) ** 2
-    return 1.0 + _SIZE_TRUST * (area - 1.0)
 
 
 class FixedOrder(StatelessPolicy):
@@ -145,13 +130,10 @@ class GramsPerSecond(ConfiguredPolicy):
 
     name = "grams-per-second"
 
-    def __init__(self, config: SafflowerConfig):
+    def __init__(self, config: SafflowerConfig, perception: PerceptionModel | None = None):
         """Tabulate what each effort takes and what it is expected to bring."""
-        process = config.process
-        strokes, suction = np.array(process.strokes), np.array(process.suction_s)
-        cut = 1.0 - (1.0 - process.stroke_cut * _CENTRED_SHARE) ** strokes
-        kept = 1.0 - process.suction_loss * exp(-suction / process.suction_decay_s)
-        self._grams = config.head_mass_g * cut * kept
+        self.belief = PickerBelief(config, perception)
+        self._grams = config.head_mass_g * self.belief.shares
         standing = standing_s(config)[:DRIVE]
         self._process_s = standing[:, P.shear] + standing[:, P.suck] + standing[:, P.recognise]
         self._process_s = self._process_s + config.machine.settle_s
@@ -160,6 +142,12 @@ class GramsPerSecond(ConfiguredPolicy):
         scenario = config.scenario
         self._head_share = (self._process_s[NORMAL] + 0.5 * TRAVEL_SCALE_S) / scenario.time_limit_s
         self._row_heads = scenario.plants * scenario.mean_heads * (1.0 if scenario.potted else _OPEN_SHARE)
+
+    @classmethod
+    def make(cls, env: Any, seed: int) -> Any:
+        """The policy for an environment; the factory under which it is registered."""
+        core = env.unwrapped.core
+        return cls(core.config, core.perception)
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
@@ -173,7 +161,7 @@ class GramsPerSecond(ConfiguredPolicy):
         candidates = candidate_table(observation)
         slots = candidates.shape[1]
         slot, effort = np.minimum(actions // len(EFFORTS), slots - 1), actions % len(EFFORTS)
-        grams = believed_area(candidates[np.arange(len(slot)), slot]) * self._grams[effort]
+        grams = self.belief.mass(candidates[np.arange(len(slot)), slot]) * self._grams[effort]
         return np.where(actions < slots * len(EFFORTS), grams, 0.0)
 
     def _next(self, observation: Observation, travel_s: NDArray[Any], worth: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -189,9 +177,9 @@ class GramsPerSecond(ConfiguredPolicy):
         ahead = open_heads.sum(axis=1) + (1.0 - served) * self._row_heads
         tight = used + self._head_share * ahead > 1.0
         second = np.where(tight, self._average, self._price)[:, None, None]
-        area = believed_area(candidates)
+        mass = self.belief.mass(candidates)
         travel_s = candidates[..., C.travel] * TRAVEL_SCALE_S
-        surplus = area[..., None] * self._grams - second * (travel_s[..., None] + self._process_s)
+        surplus = mass[..., None] * self._grams - second * (travel_s[..., None] + self._process_s)
         worth = open_heads & ((surplus.max(axis=-1) > 0.0) | tight[:, None])
         return surplus, travel_s, worth
 
@@ -204,9 +192,9 @@ class Route(GramsPerSecond):
 
     name = "route"
 
-    def __init__(self, config: SafflowerConfig):
+    def __init__(self, config: SafflowerConfig, perception: PerceptionModel | None = None):
         """Take efforts and the machine's rates from the configuration."""
-        super().__init__(config)
+        super().__init__(config, perception)
         self._routes = _Routes(config)
 
     def _next(self, observation: Observation, travel_s: NDArray[Any], worth: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.safflower.config import EFFORTS, SafflowerConfig
+from ...envs.safflower.config import EFFORTS, PerceptionModel, SafflowerConfig
 from ...envs.safflower.features import (
     ACROSS_SCALE_M,
     AHEAD_SCALE_M,
@@ -25,7 +25,7 @@ from ...envs.safflower.rules import EMPTYING
 from ...envs.safflower.timing import DRIVE, P, Rates, beside_s, levels_s, settling_s, standing_s
 from ...kernels import bind, compiled
 from .base import Actions, Observation
-from .safflower import NORMAL, GramsPerSecond, believed_area, decided, demanding, wanted
+from .safflower import NORMAL, GramsPerSecond, decided, demanding, wanted
 from .search import NOTHING, Step, Taken, search
 
 Array = NDArray[np.float64]
@@ -175,6 +175,7 @@ class BagHorizon(GramsPerSecond):
     def __init__(
         self,
         config: SafflowerConfig,
+        perception: PerceptionModel | None = None,
         depth: int = DEPTH,
         width: int = WIDTH,
         price: float = PRICE,
@@ -184,12 +185,13 @@ class BagHorizon(GramsPerSecond):
 
         Args:
             config: the task's numbers.
+            perception: the statistical camera; None where pictures are rendered.
             depth: longest sequence.
             width: sequences kept.
             price: see ``PRICE``.
             burden: see ``BURDEN``.
         """
-        super().__init__(config)
+        super().__init__(config, perception)
         self.config, self._depth, self._width, self._ahead, self._burden = config, depth, width, price, burden
         standing = standing_s(config)[:DRIVE]
         self._work_s = standing[:, P.shear] + standing[:, P.suck] + standing[:, P.recognise]
@@ -233,9 +235,8 @@ class BagHorizon(GramsPerSecond):
         order = np.argsort(table[..., DC.closes], axis=1, kind="stable")
         table = np.take_along_axis(table, order[..., None], axis=1)
         open_heads = np.take_along_axis(wanted(observation), order, axis=1)
-        grams = believed_area(table)[..., None] * self._grams
-        weights = config.weights
-        mass = believed_area(table)[..., None] * config.head_mass_g
+        relative, weights = self.belief.mass(table)[..., None], config.weights
+        grams, mass = relative * self._grams, relative * config.head_mass_g
         # What a pick does not bring in is lost.
         worth = weights.collected_g * grams + weights.lost_g * (mass - grams)
         clog = scenario.bag.clog

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betainc
+from scipy.special import betainc, ndtr
 
 from ...kernels import compiled
 from ...kernels.orders import count_upto
@@ -52,6 +52,34 @@ def _count_table(scenario: ScenarioConfig) -> NDArray[np.floating]:
         return counts / scenario.max_heads
     success = scenario.dispersion / (scenario.dispersion + scenario.mean_heads)
     return betainc(scenario.dispersion, counts + 1.0, success)
+
+
+def heads_per_plant(scenario: ScenarioConfig) -> float:
+    """Mean number of heads on a plant."""
+    return float((1.0 - _count_table(scenario)).sum())
+
+
+def stage_shares(scenario: ScenarioConfig) -> Array:
+    """Share of a scenario's heads that are of each stage (4,), over all plants and days."""
+    if scenario.potted:
+        return np.array([0.0, _FRESH_SHARE, 1.0 - _FRESH_SHARE, 0.0])
+    there = 1.0 - _count_table(scenario)
+    days = np.linspace(*scenario.visit_day, 101)[:, None, None]
+    begins = np.array([0.0, _FRESH_DAYS, _OPEN_DAYS])
+    # A plant and a head are a normal number each before or behind the rest.
+    past = ndtr((days - _behind_days(scenario)[:, None] - begins) / np.sqrt(2.0)).mean(axis=0)
+    ends = np.concatenate([[1.0], there @ past / there.sum(), [0.0]])
+    return ends[:-1] - ends[1:]
+
+
+def _batches(scenario: ScenarioConfig) -> NDArray[np.int64]:
+    """Which batch each head (S,) of a plant flowers in: the terminal one, primary and secondary ones."""
+    return np.minimum((np.arange(scenario.max_heads) + _PRIMARY_HEADS - 1) // _PRIMARY_HEADS, 2)
+
+
+def _behind_days(scenario: ScenarioConfig) -> Array:
+    """How much later than the first each head (S,) flowers."""
+    return np.asarray(_BATCH_DAYS * _batches(scenario), np.float64)
 
 
 @lru_cache(maxsize=8)
@@ -135,7 +163,6 @@ class Growth(NamedTuple):
         """The numbers of a configuration."""
         scenario = config.scenario
         number = np.arange(scenario.max_heads)
-        batch = np.minimum((number + _PRIMARY_HEADS - 1) // _PRIMARY_HEADS, 2)
         low, high = scenario.plant_height_m
         first, last = scenario.visit_day
         narrow, wide = scenario.crown_m
@@ -148,8 +175,8 @@ class Growth(NamedTuple):
             height_m=(float(low), float(high - low if scenario.potted else high)),
             top_m=float(high),
             crown_m=(float(narrow), float(wide - narrow)),
-            drop_m=np.asarray(scenario.head_drop_m, float)[batch],
-            behind_days=_BATCH_DAYS * batch,
+            drop_m=np.asarray(scenario.head_drop_m, float)[_batches(scenario)],
+            behind_days=_behind_days(scenario),
             turn_rad=_GOLDEN_ANGLE * number,
             visit_day=(float(first), float(last - first)),
             reach=Reach.of(config),

@@ -14,7 +14,8 @@ from .drawing import SIZE_SHARE, SPREAD_SIGMA
 from .field import SPREAD_M, Heads, Plants, Reports, SafflowerField
 from .sighting import Sight, draw_tracks
 
-_MOST_SIGMAS = 3.0
+MOST_SIGMAS = 3.0
+"""Sizes farther from the mean say no more of a head's mass."""
 _LEAST_HEIGHT_M = 0.1
 
 
@@ -89,7 +90,7 @@ def _nearest(heads: Heads, plants: Plants) -> Whole:
 
 def _whole_heads(config: SafflowerConfig, heads: Heads, plants: Plants) -> Heads:
     """Heads with a plant, a slot and a mass, which goes with the size as it does where fields are drawn."""
-    sigmas = np.clip((heads.size_m / SPREAD_M - 1.0) / SPREAD_SIGMA, -_MOST_SIGMAS, _MOST_SIGMAS)
+    sigmas = np.clip((heads.size_m / SPREAD_M - 1.0) / SPREAD_SIGMA, -MOST_SIGMAS, MOST_SIGMAS)
     usual = config.head_mass_g * exp(config.head_mass_spread * SIZE_SHARE * sigmas)
     slot = heads.slot.copy()
     free = np.setdiff1d(np.arange(len(heads) + len(slot)), slot)
