@@ -5,11 +5,15 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from fieldgym.agents.policies.picker_belief import PickerBelief
+from fieldgym.agents.policies.safflower_bag import BagHorizon
+from fieldgym.envs.safflower.bag_config import Wilting
 from fieldgym.envs.safflower.config import SCENARIOS, PerceptionModel, SafflowerConfig
 from fieldgym.envs.safflower.core import SafflowerCore
 from fieldgym.envs.safflower.features import Candidate
+from fieldgym.envs.safflower.features import Machine as Picker
 
 BLURRED = PerceptionModel(
     recall=((0.5, 0.9, 0.8, 0.7), (0.5, 0.9, 0.8, 0.7)),
@@ -60,3 +64,22 @@ def test_an_effort_gets_its_share_of_a_head():
             for rest, odds in zip((uncut, dropped), lucky, strict=True)
         )
         assert share == pytest.approx((cut * kept).mean(), abs=0.002)
+
+
+@pytest.mark.parametrize("read_s", [30.0, 200.0])
+def test_a_head_has_not_wilted_as_often_as_its_reading_promises(read_s):
+    scenario = replace(SCENARIOS["bag"], wilting=Wilting((40.0, 900.0), read_s))
+    planner = BagHorizon(SafflowerConfig(scenario=scenario), BLURRED)
+    closes, rng = np.random.default_rng(1).uniform(40.0, 900.0, 300_000), np.random.default_rng(2)
+    read = closes + read_s * rng.standard_normal(len(closes))
+    machine, columns = np.zeros((1, 7)), Candidate._fields
+    machine[0, Picker._fields.index("time")] = 100.0 / scenario.time_limit_s
+    for told in (150.0, 500.0, 850.0):
+        table, left = np.zeros((1, 1, len(columns))), np.array([[told - 100.0]])
+        table[0, 0, columns.index("fresh")] = 1.0
+        late, within = planner._closing_shares(table, machine, left)
+        held = closes[np.abs(read - told) < 0.1 * read_s]
+        for done_s in (told - 30.0, told, told + 20.0):
+            before = norm.cdf((done_s - told) / read_s)
+            chance = min(max((late[0, 0] - before) / within[0, 0], 0.0), 1.0)
+            assert chance == pytest.approx((held > done_s).mean(), abs=0.03)

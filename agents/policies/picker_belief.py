@@ -30,13 +30,15 @@ class PickerBelief:
 
     Attributes:
         shares: (E,), share of an open head's filaments that each effort gets with an empty bag.
+        clog: (E,), share of that which a full bag lets drop; in between nearly in proportion to its fill.
         open: (4,), chance that what is reported to be of each stage is an open head.
     """
 
     def __init__(self, config: SafflowerConfig, perception: PerceptionModel | None):
         """Take both; without a statistical camera, what was measured of the one that renders."""
         eyes = perception or PerceptionModel.measured(config.scenario.camera_fit)
-        self.shares, self.open = _shares(config, eyes), _open(config, eyes)
+        self.shares, self.open = _shares(config, eyes, 0.0), _open(config, eyes)
+        self.clog = 1.0 - _shares(config, eyes, config.scenario.bag.clog) / self.shares
         # Size and the logarithm of mass are jointly normal, and the report adds an error in proportion to the size.
         told = eyes.size_sigma * np.hypot(1.0, SPREAD_SIGMA)
         self._trust = SPREAD_SIGMA / (SPREAD_SIGMA**2 + told**2)
@@ -63,8 +65,8 @@ def _open(config: SafflowerConfig, eyes: PerceptionModel) -> Array:
     return both[list(OPEN_STAGES)].sum(axis=0) / np.where(reported > 0.0, reported, 1.0)
 
 
-def _shares(config: SafflowerConfig, eyes: PerceptionModel) -> Array:
-    """See ``PickerBelief.shares``."""
+def _shares(config: SafflowerConfig, eyes: PerceptionModel, clog: float) -> Array:
+    """See ``PickerBelief.shares``, with a bag that lets a share drop besides."""
     process = config.process
     node, weight = np.polynomial.hermite_e.hermegauss(_NODES)
     weight = weight / weight.sum()
@@ -81,5 +83,6 @@ def _shares(config: SafflowerConfig, eyes: PerceptionModel) -> Array:
             for i, j, k, luck in np.ndindex((_NODES,) * 4)
         )
         dropped = dropped_share(process, suction_s)
+        dropped += (1.0 - dropped) * clog
         shares[effort] = cut * sum(w * collected_share(dropped, o) for w, o in zip(weight, odds, strict=True))
     return shares

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
-from ...envs.safflower.config import EFFORTS, PerceptionModel, SafflowerConfig
+from ...envs.safflower.config import EFFORTS, STAGES, PerceptionModel, SafflowerConfig
 from ...envs.safflower.features import (
     ACROSS_SCALE_M,
     AHEAD_SCALE_M,
@@ -23,6 +25,7 @@ from ...envs.safflower.features import (
 )
 from ...envs.safflower.rules import EMPTYING
 from ...envs.safflower.timing import DRIVE, P, Rates, beside_s, levels_s, settling_s, standing_s
+from ...envs.safflower.wilting import last_closing_s
 from ...kernels import bind, compiled
 from .base import Actions, Observation
 from .safflower import NORMAL, GramsPerSecond, decided, demanding, wanted
@@ -38,6 +41,12 @@ BURDEN = 0.3
 """What a bag that is left full costs, in grams of reward; less where few heads are left to pick."""
 FEW = 6.0
 """Heads that are few; a stop ahead is thought to hold at least as many."""
+_ODD = 1e-6
+"""Readings so far from all heads of their stage are those of no head."""
+_EXACT_S = 1.0
+"""Spread of times that are told exactly."""
+_UNREAD_S = 1e5
+"""The same where nothing is read, as with a camera that renders: any time of the stage is as likely."""
 MOVE_S = 1.5
 """Way from head to head and wait for the cart that the estimate reckons with [assumed by the planner]."""
 
@@ -71,13 +80,15 @@ class Picks(NamedTuple):
         work_s: (E,), seconds at a head.
         empty_s: seconds that emptying the bag takes.
         bag_g: what fills the bag, infinite where nothing does.
-        clog: share that a full bag lets drop.
-        spread_s: half the range of times at which a head may wilt beside what is reported; linear in between.
+        clog: (E,), share of what each effort gets with an empty bag that a full one lets drop.
+        read_s: standard deviation of what is read of the time at which a head wilts.
         price: (B,), of a second.
         burden: (B,), what a full bag costs at the end of a sequence, in proportion to its fill.
         place: (B, K, 2), of the candidates along from the machine and across, metres.
         descent_s: (B, K), down to them.
-        closes_s: (B, K), seconds until they wilt.
+        closes_s: (B, K), seconds until they are read to wilt.
+        late: (B, K), share of the readings' law that lies before the last heads of their stage wilt.
+        within: (B, K), share of it between the first and the last ones.
         worth: (B, K, E), of what picking them brings with an empty bag, time not counted.
         loss: (B, K, E), what a full bag takes off that.
         grams: (B, K, E), what comes into the bag.
@@ -88,13 +99,15 @@ class Picks(NamedTuple):
     work_s: Array
     empty_s: float
     bag_g: float
-    clog: float
-    spread_s: float
+    clog: Array
+    read_s: float
     price: Array
     burden: Array
     place: Array
     descent_s: Array
     closes_s: Array
+    late: Array
+    within: Array
     worth: Array
     loss: Array
     grams: Array
@@ -103,9 +116,15 @@ class Picks(NamedTuple):
 
 @compiled
 def unwilted(problem: Picks, w: int, candidate: int, done_s: float) -> float:
-    """Chance that a candidate has not wilted by a time."""
-    slack_s = problem.closes_s[w, candidate] - done_s
-    return min(max(0.5 + 0.5 * slack_s / problem.spread_s, 0.0), 1.0)
+    """Chance that a candidate has not wilted by a time: normal about the reading, between first and last heads."""
+    before = normal((done_s - problem.closes_s[w, candidate]) / problem.read_s)
+    return min(max((problem.late[w, candidate] - before) / problem.within[w, candidate], 0.0), 1.0)
+
+
+@compiled
+def normal(sigmas: float) -> float:
+    """Share of the normal law below so many standard deviations."""
+    return 0.5 * math.erfc(-sigmas * math.sqrt(0.5))
 
 
 @compiled
@@ -136,7 +155,7 @@ def extend(
         return Step(x, y, z, clock_s, 0.0, False)
     full = z / problem.bag_g
     gain = chance * (problem.worth[w, candidate, option] - full * problem.loss[w, candidate, option])
-    grams = chance * problem.grams[w, candidate, option] * (1.0 - problem.clog * full)
+    grams = chance * problem.grams[w, candidate, option] * (1.0 - problem.clog[option] * full)
     gain -= problem.burden[w] * (grams / problem.bag_g)
     # The tool rises from here whatever comes next.
     return Step(along, across, z + grams, done_s + descent_s, gain, True)
@@ -196,6 +215,9 @@ class BagHorizon(GramsPerSecond):
         standing = standing_s(config)[:DRIVE]
         self._work_s = standing[:, P.shear] + standing[:, P.suck] + standing[:, P.recognise]
         self._rates = Rates.of(config)
+        exact = perception == PerceptionModel.perfect()
+        read_s = _EXACT_S if exact else max(float(config.scenario.wilting.read_sigma_s), _EXACT_S)
+        self._read_s = _UNREAD_S if perception is None else read_s
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
@@ -239,12 +261,13 @@ class BagHorizon(GramsPerSecond):
         grams, mass = relative * self._grams, relative * config.head_mass_g
         # What a pick does not bring in is lost.
         worth = weights.collected_g * grams + weights.lost_g * (mass - grams)
-        clog = scenario.bag.clog
+        clog = self.belief.clog
         loss = (weights.collected_g - weights.lost_g) * clog * grams
         level_m = table[..., C.height] * HEIGHT_SCALE_M + self._rates.clear_m
         descent_s = levels_s(self._rates, level_m.ravel()).reshape(level_m.shape)
         closes_s = table[..., DC.closes] * CLOSES_SCALE_S
         closes_s = np.where(table[..., DC.closes] >= LIMIT, 1e9, closes_s)
+        late, within = self._closing_shares(table, machine, closes_s)
         ahead = np.rint(machine[:, M.stops_left] * scenario.stops)
         price = self._price + self._ahead * self._average * ahead
         problem = Picks(
@@ -252,19 +275,31 @@ class BagHorizon(GramsPerSecond):
             work_s=self._work_s,
             empty_s=float(scenario.bag.empty_s),
             bag_g=self._bag_g,
-            clog=float(clog),
-            spread_s=float(np.sqrt(3.0) * max(scenario.wilting.read_sigma_s, 1.0)),
+            clog=clog,
+            read_s=self._read_s,
             price=price,
             burden=self._burden * np.minimum(open_heads.sum(axis=1) / FEW + ahead, 1.0),
             place=np.stack([table[..., C.along] * AHEAD_SCALE_M, table[..., C.across] * ACROSS_SCALE_M], axis=-1),
             descent_s=descent_s,
             closes_s=closes_s,
+            late=late,
+            within=within,
             worth=worth,
             loss=loss,
             grams=grams,
             open=open_heads,
         )
         return problem, order
+
+    def _closing_shares(self, table: Array, machine: Array, closes_s: Array) -> tuple[Array, Array]:
+        """``Picks.late`` and ``Picks.within`` of candidates (B, K, F) that are read to wilt at these times (B, K)."""
+        now_s = machine[:, M.time, None] * self.config.scenario.time_limit_s
+        last_s = table[..., C.bud : C.bud + len(STAGES)] @ last_closing_s(self.config)
+        late = ndtr((last_s - now_s - closes_s) / self._read_s)
+        early = ndtr((self.config.scenario.wilting.closes_s[0] - now_s - closes_s) / self._read_s)
+        # What never wilts, or is read to wilt when nothing does, wilts about as it is read.
+        odd = (closes_s >= 1e9) | (late - early < _ODD)
+        return np.where(odd, 1.0, late), np.where(odd, 1.0, late - early)
 
     @property
     def _bag_g(self) -> float:

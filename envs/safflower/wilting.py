@@ -31,6 +31,14 @@ def mean_closing_s(config: SafflowerConfig) -> Array:
     return mean
 
 
+def last_closing_s(config: SafflowerConfig) -> Array:
+    """When the last heads of each stage wilt (4,); all of them from the same time on, evenly."""
+    first, last = config.scenario.wilting.closes_s
+    ends = np.full(len(STAGES), float(last))
+    ends[OPEN_STAGES[1]] = 0.5 * (first + last)
+    return ends
+
+
 def draw_closings(
     config: SafflowerConfig, generators: Sequence[np.random.Generator], stage: NDArray[np.int64]
 ) -> Array | None:
