@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
 def main(
     results: Annotated[
-        Path, typer.Argument(metavar="RESULTS", help="Folder that fieldgym benchmark wrote, as in results/full.")
+        list[Path],
+        typer.Argument(
+            metavar="RESULTS...",
+            help="Folders that fieldgym benchmark wrote, as results/full; a task that several hold is the last one's.",
+        ),
     ],
     out: Annotated[Path, typer.Option(help="The page.")] = Path("results/report.html"),
     leaderboard: Annotated[Path | None, typer.Option(help="Also write the leaderboard as Markdown.")] = None,
@@ -39,13 +43,13 @@ def main(
     from fieldgym.benchmark.report import leaderboard as markdown
     from fieldgym.benchmark.report import page, reader
 
-    words = ["fieldgym", "report", str(results), "--out", str(out)]
+    words = ["fieldgym", "report", *map(str, results), "--out", str(out)]
     words += ["--replays"] if replays else []
     words += [] if leaderboard is None else ["--leaderboard", str(leaderboard)]
     # Under a locale that knows no such letters, those of a path come as halves that no file can hold.
     command = shlex.join(words).encode("utf-8", "surrogateescape").decode("utf-8", "replace")
     try:
-        study = reader.load(results)
+        study = reader.load(*results)
     except store.ResultsError as error:
         raise CommandError(str(error)) from None
     texts = {out: page.render(study, command, _replays(study, out) if replays else {})}

@@ -109,7 +109,7 @@ def test_a_damaged_manifest_stops_a_resume_in_one_line_and_is_left_out_of_the_pa
     assert "\n" not in str(told.value)
     with pytest.warns(UserWarning, match=r"manifest\.json is left out"):
         study = reader.load(folder)
-    assert study.manifest == {} and len(study.chapters) == 1
+    assert study.sources[0].manifest == {} and len(study.chapters) == 1
 
 
 ODD: tuple[Any, ...] = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -70,12 +70,17 @@ def _header(study: Study) -> Markup:
         row.episodes for item in study.chapters for tier in (item.headline, *item.others) for row in tier.rows
     )
     policies = len({name for item in study.chapters for name in item.headline.policies})
+    versions = dict.fromkeys(str(source.manifest.get("fieldgym", "")) for source in study.sources)
     links = [
         tag("a", sections.name_of(item.task.id), href=f"#{sections.anchor(item.task.id)}") for item in study.chapters
     ]
     return tag(
         "header",
-        tag("p", f"fieldgym {study.manifest.get('fieldgym', '')} benchmark", _class="eyebrow"),
+        tag(
+            "p",
+            f"fieldgym {', '.join(versions)} benchmark",
+            _class="eyebrow",
+        ),
         tag("h1", "Which target next?"),
         tag(
             "p",
@@ -198,20 +203,40 @@ def _footer(study: Study, command: str) -> Markup:
 
 
 def stamp(study: Study, command: str) -> list[tuple[str, str]]:
-    """Version, seeds, machine, date and commands, each with its name; what is unknown is left out."""
-    manifest = study.manifest
-    packages: Any = manifest.get("packages") or {}
+    """Version, seeds, machine, date and commands, each with its name; what is unknown is left out.
+
+    Where folders differ, each says which tasks it is of.
+    """
     tiers = [tier for item in study.chapters for tier in (item.headline, *item.others)]
     drawn = [(tier.seeds[0], tier.seeds[-1]) for tier in tiers if not tier.condition.fields]
     said = [
-        ("Version", f"fieldgym {manifest.get('fieldgym', 'unknown')}, source {manifest.get('source', 'unknown')}"),
+        ("Version", _by_source(study, _version)),
         ("Seeds", f"{min(low for low, _ in drawn)} to {max(high for _, high in drawn)}" if drawn else ""),
-        ("Machine", str(manifest.get("machine", ""))),
-        ("Run", str(manifest.get("started", "")).replace("T", " ")),
-        ("Python", str(manifest.get("python", ""))),
-        ("Packages", ", ".join(f"{name} {version}" for name, version in packages.items() if version)),
-        ("Suite", str(manifest.get("suite", ""))),
-        ("Results by", str(manifest.get("command", ""))),
+        ("Machine", _by_source(study, lambda made: str(made.get("machine", "")))),
+        ("Run", _by_source(study, lambda made: str(made.get("started", "")).replace("T", " "))),
+        ("Python", _by_source(study, lambda made: str(made.get("python", "")))),
+        ("Packages", _by_source(study, _packages)),
+        ("Suite", _by_source(study, lambda made: str(made.get("suite", "")))),
+        ("Results by", _by_source(study, lambda made: str(made.get("command", "")))),
         ("Page by", command),
     ]
     return [(word, text) for word, text in said if text]
+
+
+def _version(made: Mapping[str, Any]) -> str:
+    return f"fieldgym {made.get('fieldgym', 'unknown')}, source {made.get('source', 'unknown')}"
+
+
+def _packages(made: Mapping[str, Any]) -> str:
+    packages: Any = made.get("packages") or {}
+    return ", ".join(f"{name} {version}" for name, version in packages.items() if version)
+
+
+def _by_source(study: Study, word: Callable[[Mapping[str, Any]], str]) -> str:
+    """What the folders say, once where they say the same."""
+    said: dict[str, list[str]] = {}
+    for source in study.sources:
+        said.setdefault(word(source.manifest), []).extend(sections.name_of(spec.id) for spec in source.tasks)
+    if len(said) == 1:
+        return next(iter(said))
+    return "; ".join(f"{text or 'unknown'} ({', '.join(names)})" for text, names in said.items())

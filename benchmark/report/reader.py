@@ -1,9 +1,8 @@
-"""A results folder as the page needs it; fields that an older benchmark did not write are simply not shown."""
+"""Results as the page needs them; fields that an older benchmark did not write are simply not shown."""
 
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
@@ -14,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...agents import policy_names, reference_policy
-from ...envs import task, tasks
+from ...envs import tasks
 from ...envs.task import TaskSpec
 from ..limits import CURVE_SHARES, limits
 from ..record import Record, condition, field_of
 from ..statistics import Difference, compared, mean, paired_difference
-from ..store import BOUNDS, EPISODES, MANIFEST, ResultsError, read, read_manifest
 from ..suites import BOUND, Case, Condition
 from ..summary import Row, summarise
 from .episodes import Curve, Timeline, chosen_timelines, mean_curve
+from .folders import Source, sources, task_of
 
 Array = NDArray[np.float64]
 Seeded = Mapping[Any, float]
@@ -155,36 +154,28 @@ class Chapter:
 
 @dataclass(frozen=True)
 class Study:
-    """A whole folder.
+    """All results.
 
     Attributes:
-        manifest: who made the results, with what.
+        sources: where they are from.
         chapters: in the order of the registry.
     """
 
-    manifest: Mapping[str, Any]
+    sources: tuple[Source, ...]
     chapters: tuple[Chapter, ...]
 
 
-def load(folder: Path) -> Study:
-    """Read ``folder``.
+def load(*folders: Path) -> Study:
+    """Read results folders; a task that several of them hold is the last one's.
 
     Raises:
-        ResultsError: there are no results in it; the message says what to do.
+        ResultsError: there are no results in one of them; the message says what to do.
     """
-    try:
-        found = read(folder / EPISODES)
-        bounds = read(folder / BOUNDS) if (folder / BOUNDS).exists() else []
-    except OSError:
-        raise ResultsError(
-            f"no results in {folder}: name a folder with {EPISODES} in it, or make one with fieldgym benchmark"
-        ) from None
+    found = sources(folders)
+    bounds = [record for source in found for record in source.bounds]
     groups: dict[Condition, list[Record]] = {}
-    for record in found:
-        if "error" not in record and _task(record["env_id"]) is not None:
-            groups.setdefault(condition(record), []).append(record)
-    if not groups:
-        raise ResultsError(f"{folder / EPISODES} holds no finished episode: go on with fieldgym benchmark --resume")
+    for record in (record for source in found for record in source.episodes):
+        groups.setdefault(condition(record), []).append(record)
     cases = [_case(group, members) for group, members in groups.items()]
     rows: dict[Condition, list[Row]] = {}
     for row in summarise([record for members in groups.values() for record in members], cases, bounds):
@@ -192,10 +183,10 @@ def load(folder: Path) -> Study:
     tiers = {group: _tier(group, members, rows[group], bounds) for group, members in groups.items()}
     chapters = []
     for spec in tasks():
-        own = [tier for group, tier in tiers.items() if _task(group.env_id) == spec]
+        own = [tier for group, tier in tiers.items() if task_of(groups[group][0]) == spec]
         if own:
             chapters.append(_chapter(spec, own))
-    return Study(_manifest(folder), tuple(_seen_together(chapters)))
+    return Study(found, tuple(_seen_together(chapters)))
 
 
 def _seen_together(chapters: Sequence[Chapter]) -> list[Chapter]:
@@ -224,25 +215,6 @@ def _together(tables: Sequence[Sequence[Move]]) -> list[tuple[Move, ...]]:
         )
         for i, moves in enumerate(tables)
     ]
-
-
-def _task(env_id: str) -> TaskSpec | None:
-    """The task of an id; None where it is not installed here."""
-    try:
-        return task(env_id)
-    except ValueError:
-        return None
-
-
-def _manifest(folder: Path) -> Mapping[str, Any]:
-    try:
-        return read_manifest(folder)
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        warnings.warn(f"{folder / MANIFEST} is left out: {reason}", stacklevel=2)
-        return {}
 
 
 def _case(group: Condition, members: Sequence[Record]) -> Case:
