@@ -184,11 +184,12 @@ def both(
     least_s: float,
     thrifts: Sequence[float],
     until: float,
+    rounds: tuple[int, int] = (ROUNDS, FEWER_ROUNDS),
 ) -> Both:
-    """Bounds on weeds killed and on the return at a steady speed.
+    """Bounds on weeds killed and on the return at a steady speed; of an arm that leans no bounds, but guides.
 
     Args:
-        arm: numbers of an arm that does not lean.
+        arm: numbers of an arm; if it does not lean its ways take the same at any time.
         shots: what can be done at drawn tracks; one at least.
         place: (3,), where the arm stands in the beginning.
         cart_m: position of the cart then.
@@ -196,6 +197,7 @@ def both(
         least_s: no episode is shorter.
         thrifts: prices of a joule, in killed weeds, that are tried where energy is scarce.
         until: no step begins after this, on the clock of ``time.perf_counter``.
+        rounds: most steps of the prices for the return, and for the weeds killed.
     """
     weights, scarce_j = config.weights, float(config.scenario.energy_j)
     killed = weights.killed
@@ -205,9 +207,9 @@ def both(
     # Nobody may spend more than there is: at any price of a joule a schedule pays at most for all of it.
     for price in thrifts if scarce_j > 0.0 else (0.0,):
         spent, all_j = price * shots.energy_j + shots.advance, price * scarce_j
-        value = search.lowered(gain, shots.cost + killed * spent, end, prices, ROUNDS, until, FORGETFUL)
+        value = search.lowered(gain, shots.cost + killed * spent, end, prices, rounds[0], until, FORGETFUL)
         begin = value.prices / killed if killed > 0.0 else search.sets.begin(shots.worth)
-        kills = search.lowered(shots.worth, spent, 0.0 * end, begin, FEWER_ROUNDS, until, FEWER_FORGETFUL)
+        kills = search.lowered(shots.worth, spent, 0.0 * end, begin, rounds[1], until, FEWER_FORGETFUL)
         found.append((kills._replace(bound=kills.bound + all_j), value._replace(bound=value.bound + killed * all_j)))
     return Both(min((kills for kills, _ in found), key=_bound), min((value for _, value in found), key=_bound))
 

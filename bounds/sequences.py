@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..envs.weeding.core import WeederOutcome
 from ..envs.weeding.state import MODES, T
-from ..envs.weeding.timing import A, Place
+from ..envs.weeding.timing import A, G, Place
 from ..kernels import compiled
 from .shots import Shots
 
@@ -133,12 +133,17 @@ def tended(core: Any, shots: Shots, order: Numbers, blocks: Numbers) -> tuple[fl
         action, mask = base - 1, core.observe()["action_mask"][0]
         block = 2 if core.config.speed_control and not rest else 0
         while rest:
-            option, block = rest.pop()
-            if option < 0:
+            option, asked = rest[-1]
+            slots = np.flatnonzero(state.slot_track[0] == shots.track[option]) if option >= 0 else ()
+            can = len(slots) > 0 and bool(mask[int(slots[0]) * MODES + int(shots.mode[option])])
+            # What the window has yet to reach is waited for; what it has reached and cannot be done is left out.
+            if option >= 0 and not can and shots.told_m[option, G.along] > state.cart[0] + core.machine.front_m:
                 break
-            slots = np.flatnonzero(state.slot_track[0] == shots.track[option])
-            if len(slots) and mask[int(slots[0]) * MODES + int(shots.mode[option])]:
+            rest.pop()
+            block = asked
+            if can:
                 action = int(slots[0]) * MODES + int(shots.mode[option])
+            if can or option < 0:
                 break
         plan = core.plan(np.array([block * base + action]))
         result = core.apply(plan, WeederOutcome(plan.phases_s, plan.aim))

@@ -40,8 +40,8 @@ TICK_S = 0.02
 SECONDS = 30.0
 """Most wall seconds for either of the two searches; the number of steps ends them long before, so that a bound is the
 same wherever it is reckoned."""
-ROUNDS, HOPED_ROUNDS, FEW_ROUNDS = 40, 80, 6
-"""Steps of the prices: with the luck known, in expectation, and with any reports."""
+ROUNDS, HOPED_ROUNDS, FEW_ROUNDS, HINTS = 40, 80, 6, (60, 8)
+"""Steps of the prices: with the luck known, in expectation, with any reports, those that guide and bound nothing."""
 THRIFTS = (0.0, 0.004, 0.008, 0.012, 0.016)
 """Prices of a joule, in killed weeds, that are tried where energy is scarce: each gives a bound."""
 FREE_S = 1e9
@@ -97,7 +97,7 @@ class WeedingInstance:
             raise ValueError(f"{weights}: the bound needs killed >= 0 and everything else <= 0")
         began = time.perf_counter()
         known = self._remembered(self.shots, time_limit_s) if self._remembers else None
-        found_n, found_v = (math.nan, math.nan) if self.core is None else self._carried_out(known)
+        found_n, found_v = (math.nan, math.nan) if self.core is None else self._carried_out(known, time_limit_s)
         if known is not None:
             kills, value = known.kills.bound, known.value.bound
             words = "paths in time that remember, shots priced"
@@ -289,14 +289,22 @@ class WeedingInstance:
             best = min(best, value + second * (part * self._first_s() - (1.0 - part) * self.least_s))
         return best
 
-    def _carried_out(self, bounds: Both | None) -> tuple[float, float]:
+    def _carried_out(self, bounds: Both | None, seconds: float) -> tuple[float, float]:
         """Weeds killed and return of the best schedules found that know what each shot does, carried out."""
-        killed = self.config.weights.killed
-        guides = (unguided(), unguided()) if bounds is None else (bounds.kills.guide, bounds.value.guide)
-        of_kills = self._grown(self.shots, -self.shots.advance, self.shots.worth, guides[0], 0.0)
-        value, second = -self.shots.cost - killed * self.shots.advance, -self.config.weights.seconds
-        of_value = self._grown(self.shots, value, killed * self.shots.worth, guides[1], second)
-        results = [tended(self.core, self.shots, order, blocks) for order, blocks, _ in (of_kills, of_value)]
+        killed, shots = self.config.weights.killed, self.shots
+        value, second = -shots.cost - killed * shots.advance, -self.config.weights.seconds
+        guides = [] if self._remembers else [(unguided(), unguided())]
+        if bounds is None and shots.weeds and not self.config.speed_control:
+            # An arm that leans may take longer than these prices reckon with, so they bound nothing, but show the way.
+            until = time.perf_counter() + seconds
+            bounds = both(self.arm, shots, self.place, self.cart_m, self.config, self.least_s, (0.0,), until, HINTS)
+        if bounds is not None:
+            guides.append((bounds.kills.guide, bounds.value.guide))
+        found = []
+        for of_kills, of_value in guides or [(unguided(), unguided())]:
+            found.append(self._grown(shots, -shots.advance, shots.worth, of_kills, 0.0))
+            found.append(self._grown(shots, value, killed * shots.worth, of_value, second))
+        results = [tended(self.core, shots, order, blocks) for order, blocks, _ in found]
         return max(kills for kills, _ in results), max(value for _, value in results)
 
     def _grown(
