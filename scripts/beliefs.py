@@ -126,7 +126,7 @@ PICKS = Kind(
     _picks,
     lambda config: 1.0 / config.head_mass_g,
 )
-GRIPS = Kind("items", GRADES, (0.0, 0.5, 0.7, 0.8, 0.9, 1.0), _grips_by_number)
+GRIPS = Kind("items", GRADES, (0.0, 0.9, 0.96, 0.98, 1.0), _grips_by_number)
 VALUES = Kind("value", GRADES, (0.0, 0.25, 0.5, 0.7, 0.9, 9.0), _grips)
 REWARDS = Kind("reward", GRADES, (-1.0, 0.25, 0.5, 0.7, 0.9, 9.0), _grips_by_reward)
 _PLUGS = ("healthy", "poor")
@@ -172,8 +172,8 @@ ACCOUNTS = (
     _headline("fieldgym/LaserWeeding-v0", "receding-horizon", SHOTS),
     _headline("fieldgym/HoeWeeding-v0", "receding-horizon", SHOTS),
     _headline("fieldgym/LaserWeedingSpeed-v0", "hold-backlog", SHOTS),
-    _headline(PICKER, "route", PICKS),
-    Account(PICKER, "pots", "grams-per-second", PICKS),
+    Account(PICKER, "row", "route", PICKS),
+    _headline(PICKER, "grams-per-second", PICKS),
     Account(PICKER, "bag", "bag-horizon", PICKS),
     _headline(SORTER, "receding-horizon", GRIPS),
     _headline(SORTER, "receding-horizon-value", VALUES),
@@ -286,7 +286,8 @@ def drawn(accounts: Sequence[tuple[Account, list[Cell]]], path: Path) -> None:
         name = f"{account.scenario}, {account.policy}"
         axes.errorbar(believed, happened, sure, fmt="o", markersize=3, label=name)
     units = ", ".join(dict.fromkeys(account.kind.unit for account, _ in accounts))
-    axes.axline((0.5, 0.5), slope=1.0, linewidth=1, color="grey")
+    somewhere = accounts[0][1][0].believed
+    axes.axline((somewhere, somewhere), slope=1.0, linewidth=1, color="grey")
     axes.set(xlabel=f"believed ({units})", ylabel="happened", title=task(accounts[0][0].env_id).name)
     axes.legend(fontsize="small")
     figure.savefig(path)
