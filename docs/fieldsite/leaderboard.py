@@ -48,8 +48,10 @@ class Leaderboard(NamedTuple):
     @property
     def stamp(self) -> str:
         """Date and source of the run, in words."""
-        version, _, source = self.made["Version"].partition(", source ")
-        return f"Run of {self.made['Run'].split()[0]}, {version}, source hash `{source}`"
+        said = self.made["Version"]
+        version, sources = said.partition(", source ")[0], dict.fromkeys(re.findall(r", source (\w+)", said))
+        word, hashes = "source hash" + "es" * (len(sources) > 1), " and ".join(f"`{source}`" for source in sources)
+        return f"Run of {self.made['Run'].split()[0]}, {version}, {word} {hashes}"
 
 
 def read(page: Path) -> Leaderboard:

@@ -7,11 +7,13 @@ small, so that the quality of a grip, an exponential of their squares, and its s
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...kernels.elementary import exp
 from ...motion.orientation import axes, from_euler
 from ..core import Array
 from ..drives import Servos
@@ -74,13 +76,13 @@ def quality_mean(config: SortingConfig, off: Misses, kind: int, power: float) ->
     grip = config.grip
     scale_m2 = np.array([grip.centre_sigma_m, grip.centre_sigma_m, grip.height_sigma_m]) ** 2
     spread = scale_m2 + power * off.variance_m2
-    mean = float(np.prod(np.sqrt(scale_m2 / spread) * np.exp(-0.5 * power * off.mean_m**2 / spread)))
+    mean = float(np.prod(np.sqrt(scale_m2 / spread) * exp(-0.5 * power * off.mean_m**2 / spread)))
     # A horizontal error of equal variances beyond which the fingers close beside the item.
     square_m2 = grip.capture_m**2
     level_m2 = max(0.5 * float(off.variance_m2[:2].sum()), 1e-12)
-    mean *= 1.0 - np.exp(-0.5 * square_m2 * (1.0 / level_m2 + power / scale_m2[0]))
+    mean *= 1.0 - math.exp(-0.5 * square_m2 * (1.0 / level_m2 + power / scale_m2[0]))
     # Sines of normal angles; a turn about an axis moves the two others.
-    sine2 = 0.5 * (1.0 - np.exp(-2.0 * off.turn_rad2))
+    sine2 = 0.5 * (1.0 - exp(-2.0 * off.turn_rad2))
     narrow, flat = _shape(Stream.of(config), kind)
     misfit = np.array([flat, flat + narrow, narrow]) * sine2
     return mean * float(np.prod(1.0 / np.sqrt(1.0 + power * misfit / grip.misfit_sigma**2)))
