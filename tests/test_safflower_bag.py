@@ -11,7 +11,7 @@ import pytest
 
 import fieldgym  # noqa: F401
 from fieldgym import bounds
-from fieldgym.agents import make_policy
+from fieldgym.agents import act_single, make_policy
 from fieldgym.agents.evaluation import evaluate
 from fieldgym.bounds import safflower
 from fieldgym.bounds.wilting import STEP_S, Closing, most
@@ -105,6 +105,15 @@ def test_a_head_that_has_wilted_when_it_is_done_brings_nothing(late_s):
     assert (card["collected_g"] > 0.0) == (card["done"] == 1.0) == (late_s < 0.0)
     assert card["wasted"] == float(late_s > 0.0)
     assert late_s < 0.0 or info["rewards"]["lost"] == 0.0
+
+
+def test_where_heads_wilt_and_nothing_fills_up_the_planner_picks_by_numbers():
+    """What is in a bag that there is not was no number once, and so was every plan."""
+    env = made(**{"scenario.bag.capacity_g": 0.0})
+    observation, _ = env.reset(seed=1)
+    with np.errstate(invalid="raise"):
+        action = act_single(make_policy("bag-horizon", env), observation)
+    assert observation["action_mask"][action]
 
 
 def test_what_is_shown_of_wilting_is_what_the_camera_can_know():

@@ -227,7 +227,7 @@ class BagHorizon(GramsPerSecond):
         machine, slots = observation["machine"].astype(np.float64), order.shape[1]
         start = np.zeros((len(order), 3))
         start[:, 1] = machine[:, M.across] * ACROSS_SCALE_M
-        start[:, 2] = machine[:, DM.bag] * self._bag_g
+        start[:, 2] = self._filled_g(machine)
         count = np.full(len(order), slots + 1)
         found = search(problem, start, np.zeros(len(order)), len(EFFORTS), count, self._depth, self._width)
         candidate, effort = np.divmod(np.maximum(found, 0), len(EFFORTS))
@@ -244,7 +244,7 @@ class BagHorizon(GramsPerSecond):
         machine, grams = observation["machine"].astype(np.float64), np.zeros(len(order))
         slot, effort = np.divmod(actions, len(EFFORTS))
         for w in np.flatnonzero(slot < order.shape[1]).tolist():
-            bag_g, across_m = machine[w, DM.bag] * self._bag_g, machine[w, M.across] * ACROSS_SCALE_M
+            bag_g, across_m = float(self._filled_g(machine[w])), machine[w, M.across] * ACROSS_SCALE_M
             candidate = int(np.flatnonzero(order[w] == slot[w])[0])
             step = extend(problem, w, 0.0, across_m, bag_g, 0.0, candidate, int(effort[w]), Taken(0, 0, 0), True)
             grams[w] = step.z - bag_g
@@ -305,3 +305,7 @@ class BagHorizon(GramsPerSecond):
     def _bag_g(self) -> float:
         capacity_g = self.config.scenario.bag.capacity_g
         return float(capacity_g) if capacity_g > 0.0 else np.inf
+
+    def _filled_g(self, machine: Array) -> Array:
+        """What is in the bag, of machines (..., features); nothing where there is none."""
+        return machine[..., DM.bag] * (self._bag_g if np.isfinite(self._bag_g) else 0.0)
