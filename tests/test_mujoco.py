@@ -93,7 +93,7 @@ def test_one_motion_is_the_same_in_both_engines():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name == "picker")) for name in NAMES])
 def test_twenty_motions_are_the_same_in_both_engines(name):
     check(compare_engines.compare(name, 20))
 

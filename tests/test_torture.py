@@ -33,6 +33,7 @@ SCRIPT = [sys.executable, str(ROOT / "scripts" / "torture.py")]
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_script_tries_what_is_quick_and_finds_nothing():
     """Runs that are killed have tests of their own, ``test_benchmark_resume``."""
     quick = [f"--only={section}" for section in ("actions", "configs", "files", "resets")]
