@@ -134,7 +134,7 @@ def tended(core: Any, shots: Shots, order: Numbers, blocks: Numbers) -> tuple[fl
         block = 2 if core.config.speed_control and not rest else 0
         while rest:
             option, asked = rest[-1]
-            slots = np.flatnonzero(state.slot_track[0] == shots.track[option]) if option >= 0 else ()
+            slots = np.flatnonzero((state.slot_track[0] == shots.track[option]) & (option >= 0))
             can = len(slots) > 0 and bool(mask[int(slots[0]) * MODES + int(shots.mode[option])])
             # What the window has yet to reach is waited for; what it has reached and cannot be done is left out.
             if option >= 0 and not can and shots.told_m[option, G.along] > state.cart[0] + core.machine.front_m:

@@ -109,7 +109,8 @@ def test_a_head_that_has_wilted_when_it_is_done_brings_nothing(late_s):
 
 def test_where_heads_wilt_and_nothing_fills_up_the_planner_picks_by_numbers():
     """What is in a bag that there is not was no number once, and so was every plan."""
-    env = made(**{"scenario.bag.capacity_g": 0.0})
+    empty: Any = {"scenario.bag.capacity_g": 0.0}
+    env = made(**empty)
     observation, _ = env.reset(seed=1)
     policy: Any = make_policy("bag-horizon", env)
     action = act_single(policy, observation)
