@@ -293,7 +293,7 @@ class WeedingInstance:
         """Weeds killed and return of the best schedules found that know what each shot does, carried out."""
         killed, shots = self.config.weights.killed, self.shots
         value, second = -shots.cost - killed * shots.advance, -self.config.weights.seconds
-        guides = [] if self._remembers else [(unguided(), unguided())]
+        guides = [(unguided(), unguided())] if bounds is None else []
         if bounds is None and shots.weeds and not self.config.speed_control:
             # An arm that leans may take longer than these prices reckon with, so they bound nothing, but show the way.
             until = time.perf_counter() + seconds
@@ -301,7 +301,7 @@ class WeedingInstance:
         if bounds is not None:
             guides.append((bounds.kills.guide, bounds.value.guide))
         found = []
-        for of_kills, of_value in guides or [(unguided(), unguided())]:
+        for of_kills, of_value in guides:
             found.append(self._grown(shots, -shots.advance, shots.worth, of_kills, 0.0))
             found.append(self._grown(shots, value, killed * shots.worth, of_value, second))
         results = [tended(self.core, shots, order, blocks) for order, blocks, _ in found]

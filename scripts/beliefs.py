@@ -22,6 +22,7 @@ from fieldgym.envs.safflower import features as heads
 from fieldgym.envs.safflower.config import EFFORTS, OPEN_STAGES
 from fieldgym.envs.safflower.config import STAGES as HEAD_STAGES
 from fieldgym.envs.sorting import columns as produce
+from fieldgym.envs.sorting.odds import GRADE_COLUMNS
 from fieldgym.envs.task import task
 from fieldgym.envs.transplanting import columns as trays
 from fieldgym.envs.transplanting.config import SPEEDS
@@ -100,8 +101,7 @@ def _grips_by_reward(config: Any, decision: BatchDecision) -> tuple[NDArray[np.b
 
 
 def _grade(candidates: NDArray[Any], slot: Whole) -> Whole:
-    first = produce.CANDIDATE.ware
-    return _chosen(candidates, slot)[:, first : first + produce.KINDS].argmax(axis=1)
+    return _chosen(candidates, slot)[:, GRADE_COLUMNS].argmax(axis=1)
 
 
 def _transplants(config: Any, decision: BatchDecision) -> tuple[NDArray[np.bool_], Whole, Array]:

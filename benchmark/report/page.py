@@ -76,11 +76,7 @@ def _header(study: Study) -> Markup:
     ]
     return tag(
         "header",
-        tag(
-            "p",
-            f"fieldgym {', '.join(versions)} benchmark",
-            _class="eyebrow",
-        ),
+        tag("p", f"fieldgym {', '.join(versions)} benchmark", _class="eyebrow"),
         tag("h1", "Which target next?"),
         tag(
             "p",
