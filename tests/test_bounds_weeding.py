@@ -140,6 +140,14 @@ def test_a_shot_at_what_is_not_in_view_yet_is_waited_for():
     assert sequences.tended(known.core, known.shots, np.array([last]), np.array([0]))[0] >= 1.0
 
 
+def test_prices_that_bound_nothing_guide_the_laser_s_schedule(monkeypatch: pytest.MonkeyPatch):
+    guided: Any = bounds.instance(LASER, 0, scenario="load-1.6").bound()
+    monkeypatch.setattr(weeding, "both", lambda *_: None)
+    alone: Any = bounds.instance(LASER, 0, scenario="load-1.6").bound()
+    assert guided.found.episode_return > alone.found.episode_return + 1.0
+    assert guided.episode_return >= guided.found.episode_return
+
+
 def test_a_schedule_that_knows_everything_comes_near_the_bound():
     seen: dict[str, Any] = {"scenario": "load-1.25", "eyes": "classical", "pictures": "easy"}
     found = [bounds.instance(LASER, seed, **seen).bound() for seed in range(3)]
