@@ -170,7 +170,7 @@ class KillsOnce:
 @pytest.mark.slow
 def test_with_ray_itself_a_killed_worker_costs_nothing(tmp_path: Path):
     pytest.importorskip("ray")
-    tiny = suite("full").narrowed(env_id="fieldgym/SafflowerPicking-v0", episodes=3, backend="analytic")
+    tiny = suite("full").narrowed("fieldgym/SafflowerPicking-v0", ("nearest", "learned"), 3, "analytic")
     seed = tiny.cases[0].seeds[1]
     local = runner.run_suite(tiny, tmp_path / "local")
     killer = KillsOnce(seed, tmp_path / "killed")
