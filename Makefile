@@ -3,7 +3,7 @@
 # make test        the tests; what they print ends with the ten that took longest
 # make test-portable  those of them that may differ from one Python to another
 # make test-slow   those that take more than a few seconds each
-# make test-long   those of them that try more of what a quicker one tries: 200 fields where that has 10
+# make test-long   those of them that a change does not wait for: 200 fields where a quicker one has 10, other packages
 # make mutants     do the tests notice a small mistake in the rules? 300 of them, the better part of an hour
 # make media       the documentation's moving pictures, in docs/media
 # make lint        ruff and pyright
@@ -24,6 +24,8 @@ EXTRAS ?= dev
 JOBS ?= 2
 # Tests run in an order that chance made: files, and the tests of a file. The same word gives the same order again.
 ORDER ?= 1
+# Machine code of everything, before tests ask for it; PREPARE=true leaves each its own to compile.
+PREPARE ?= $(BIN)/fieldgym prepare
 PYENV_ROOT ?= $(HOME)/.pyenv
 
 # Nothing of an active environment may leak into ours.
@@ -99,7 +101,7 @@ $(CORE): $(INPUTS) | $(BIN)/python
 	@# Static tools cannot follow an editable install of this layout, but they can follow a link to the tree.
 	@mkdir -p $(VENV)/src && ln -sfn "$(CURDIR)" $(VENV)/src/fieldgym
 	@cd $(VENV)/src && pwd > "$$(../bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/fieldgym-src.pth"
-	$(BIN)/fieldgym prepare
+	$(PREPARE)
 	@touch $@
 
 $(FULL): $(CORE)

@@ -168,6 +168,7 @@ class KillsOnce:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_with_ray_itself_a_killed_worker_costs_nothing(tmp_path: Path):
     pytest.importorskip("ray")
     tiny = suite("full").narrowed("fieldgym/SafflowerPicking-v0", ("nearest", "learned"), 3, "analytic")

@@ -58,6 +58,10 @@ def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *w
             "no perception is called 'eyes': choose one of 'perfect', 'model', 'camera'",
         ),
         (["run", ENV, "--episodes", "0"], "--episodes 0: give at least 1"),
+        *(
+            (["run", ENV, "--speed", speed], f"--speed {float(speed)}: give a positive factor")
+            for speed in ("inf", "nan", "0", "-1", "1e9")
+        ),
         (["run", ENV, "--seed", "-1"], "--seed -1: give 0 or more"),
         (["run", ENV, "--video", "film.gif"], "name a file that ends in .mp4"),
         (["run", ENV, "--video", "film.mp4", "--speed", "0"], "--speed 0.0: give a positive factor"),

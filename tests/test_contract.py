@@ -21,7 +21,15 @@ EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 OWN = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
 TRAYS = "fieldgym/TrayTransplanting-v0"
 # One id says whether the contract is kept on another Python; of the others its digests are compared.
-ONE_ANYWHERE = [pytest.param(env_id, marks=[pytest.mark.portable] * (env_id == TRAYS)) for env_id in OWN]
+# Where the cart's speed is chosen nearly all is the laser's.
+AGAIN = "fieldgym/LaserWeedingSpeed-v0"
+ONE_ANYWHERE = [
+    pytest.param(
+        env_id,
+        marks=[pytest.mark.portable] * (env_id == TRAYS) + [pytest.mark.slow, pytest.mark.long] * (env_id == AGAIN),
+    )
+    for env_id in OWN
+]
 
 
 @pytest.mark.parametrize("env_id", ONE_ANYWHERE)

@@ -264,12 +264,6 @@ def test_markdown_escapes_names(tmp_path: Path):
         }
 
 
-@pytest.mark.parametrize("speed", ["inf", "nan", "0", "-1", "1e9"])
-def test_a_video_has_a_speed(speed: str):
-    done = run_python(COMMAND, "run", "SafflowerPicking", "--speed", speed)
-    assert done.returncode == 2 and done.stderr.startswith(f"fieldgym: --speed {float(speed)}: give a positive factor")
-
-
 def test_ctrl_c_while_the_command_loads_ends_it_quietly(tmp_path: Path):
     """The script that pip makes is called fieldgym; Ctrl-C comes before main is called."""
     script = tmp_path / "fieldgym"

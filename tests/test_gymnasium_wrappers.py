@@ -99,6 +99,7 @@ fieldgym/SafflowerPicking-v0:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_zoo_trains_and_enjoys(tmp_path):
     """``rl_zoo3.train`` and ``rl_zoo3.enjoy``, as the page on learning has them."""
     pytest.importorskip("rl_zoo3")

@@ -12,6 +12,8 @@ from fieldgym.simulation.urdf import rotation_matrix
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'fieldgym[test]'")
 
 NAMES = tuple(compare_engines.CASES)
+ALWAYS = ("weeder", "transplanter")
+"""One machine in space and one in a plane; the others once a night."""
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -93,7 +95,7 @@ def test_one_motion_is_the_same_in_both_engines():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name == "picker")) for name in NAMES])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name not in ALWAYS)) for name in NAMES])
 def test_twenty_motions_are_the_same_in_both_engines(name):
     check(compare_engines.compare(name, 20))
 

@@ -19,6 +19,8 @@ PAGES = [ROOT / name for name in AT_ROOT] + sorted(
     for path in DOCS.rglob("*.md")
     if not MADE & set(path.relative_to(DOCS).parts) and f"{path.stem.upper()}.md" not in AT_ROOT
 )
+LONG = ("docs/commands.md", "docs/learning.md", "docs/pixels.md")
+"""Their commands, each of them played in other tests, take minutes."""
 WITH_CODE = [page for page in PAGES if pages.blocks_of(page.read_text("utf-8"))]
 
 
@@ -35,8 +37,13 @@ def played(page: Path, folder: Path) -> str:
     return done.stdout
 
 
+def _by_name(page: Path) -> Any:
+    name = page.relative_to(ROOT).as_posix()
+    return pytest.param(page, marks=[pytest.mark.long] * (name in LONG), id=name)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize("page", map(_by_name, WITH_CODE))
 def test_the_code_of_a_page_runs(page: Path, tmp_path: Path) -> None:
     said = played(page, tmp_path)
     blocks = pages.blocks_of(page.read_text("utf-8"))
