@@ -95,7 +95,9 @@ def test_one_motion_is_the_same_in_both_engines():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name not in ALWAYS)) for name in NAMES])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name not in ALWAYS)) for name in NAMES]
+)
 def test_twenty_motions_are_the_same_in_both_engines(name):
     check(compare_engines.compare(name, 20))
 
