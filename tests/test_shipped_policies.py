@@ -11,7 +11,8 @@ from fieldgym.agents import make_policy, policy_names
 from fieldgym.agents.evaluation import Scores, evaluate
 from fieldgym.agents.learning import portable
 from fieldgym.agents.policies.weights import LEARNED
-from fieldgym.envs import env_ids
+from fieldgym.benchmark.suites import suite
+from fieldgym.envs import env_ids, task
 
 SHIPPED = sorted((Path(fieldgym.__file__).parent / "assets" / "policies").glob("*.npz"))
 SCORES = {
@@ -54,6 +55,16 @@ def played(path: Path, first: int, last: int) -> Scores:
 
 def test_every_environment_ships_a_policy():
     assert {card_of(path)["env_id"] for path in SHIPPED} == set(env_ids())
+
+
+def test_the_leaderboard_s_suite_plays_every_policy_that_ships_for_one_of_its_scenarios():
+    played_in = {
+        (case.condition.env_id, case.condition.scenario)
+        for case in suite("full").cases
+        if LEARNED in case.policies and case.condition.backend == "analytic"
+    }
+    shown = {(spec.id, scenario) for spec in map(task, env_ids()) for scenario in (spec.headline, *spec.ordering)}
+    assert {(card_of(path)["env_id"], card_of(path)["scenario"]) for path in SHIPPED} & shown == played_in
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

@@ -29,6 +29,6 @@ PICKING = TaskSpec(
     planners=("nearest-2opt", "route", "bag-horizon"),
     bound="fieldgym.bounds.safflower:instance_of",
     ordering=("bag",),
-    lineups={"": (*_RULES, "learned"), "bag": (*_RULES, "closing-first", "bag-horizon")},
+    lineups={"": (*_RULES, "learned"), "bag": (*_RULES, "closing-first", "bag-horizon", "learned")},
     learning="fieldgym.agents.learning:settings/SafflowerPicking-v0.yaml",
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..task import TaskSpec
 
 _IN_LINE = ("fixed-order", "fixed-order-speed", "nearest", "shortest-cycle", "assignment", "2-opt", "learned")
-_ORDERED = ("fixed-order", "nearest", "assignment", "earliest-due", "richest-tray", "receding-horizon")
+_ORDERED = ("fixed-order", "nearest", "assignment", "earliest-due", "richest-tray", "receding-horizon", "learned")
 
 TRANSPLANTING = TaskSpec(
     id="fieldgym/TrayTransplanting-v0",
