@@ -140,6 +140,7 @@ def test_a_head_s_mean_is_that_of_many_heads():
     [
         ("SafflowerPicking", "row", "route"),
         ("TrayTransplanting", "fill", "fixed-order-speed"),
+        ("TrayTransplanting", "orders", "learned"),
         ("ProduceSorting", "load-1.6", "fifo"),
     ],
 )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...envs.transplanting.chances import held, sown
 from ...envs.transplanting.columns import H
 from ...envs.transplanting.config import EMPTY, HEALTHY, POOR, PerceptionModel, TransplantingConfig
 from ...envs.transplanting.process import speed_chances
@@ -14,24 +15,6 @@ from .base import Observation
 from .dispatch import S, carousels
 
 Array = NDArray[np.float64]
-
-
-def sown(vacancy: float, poor: NDArray[np.floating]) -> Array:
-    """What cells hold (..., 3), empty, healthy or poor, of sowings (...,) with these shares of poor seedlings."""
-    poor = np.asarray(poor, np.float64)
-    return np.stack([np.full(poor.shape, vacancy), (1.0 - vacancy) * (1.0 - poor), (1.0 - vacancy) * poor], axis=-1)
-
-
-def held(sowing: Array, confusion: Array) -> Array:
-    """Chances (..., 3, 3) of each content (last) given each report, of sowings (..., 3); nobody's report says nothing.
-
-    Args:
-        sowing: shares of what cells hold.
-        confusion: (3, 3), chances of each report (last) of each content.
-    """
-    both = np.swapaxes(sowing[..., None] * confusion, -1, -2)
-    reported = both.sum(axis=-1, keepdims=True)
-    return np.where(reported > 0.0, both / np.where(reported > 0.0, reported, 1.0), sowing[..., None, :])
 
 
 class Gains(NamedTuple):
