@@ -12,18 +12,19 @@ import math
 import time
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.sorting.columns import NUMBER, REWARD, TOTAL, TRUTH
-from ..envs.sorting.config import GRADES, SortingConfig
+from ..envs.sorting.config import SortingConfig
 from ..envs.sorting.state import Tables
 from ..envs.sorting.timing import hold_s, stroke_s
 from .base import Bound, Expectation, Found, check_method, check_start, relative_gap, state_of
 from .belt import Belt, Stream, best_picks, decided_late, expand, finish_s
-from .packing import Lines, most_filled, priced_orders
+from .grips import Chances, chances_of, quality
+from .packing import STAGES, Goods, Lines, first_prices, most_filled, priced_orders
 from .timeline import Timeline, priced
 
 Array = NDArray[np.float64]
@@ -32,13 +33,27 @@ MOST_LABELS, FEW_LABELS = 20_000, 1_000
 """Schedules that are told apart before the search gives way to a bound by prices: with reports as drawn, where hundreds
 are enough, and with any reports."""
 TICK_S = 0.02
-RIPE, GREEN = GRADES.index("ripe"), GRADES.index("green")
 SAVED = 0.3
 """What the time is worth, in things placed, that a grip which holds nothing saves: any number gives a bound [chosen on
 tuned seeds]."""
+BY_CHANCE = "grips, ways and ripeness by their chances"
 STRAY_M, STRAY_RAD = 5e-5, 1e-3
 """How far the simulated platform may be from where it was sent when the fingers close. Over 152 picks it was 6 um and
 0.1 mrad at most; ten times that is allowed for."""
+
+
+class Tries(NamedTuple):
+    """What fingers may hold.
+
+    Attributes:
+        stream: n things, ``gain`` in reward if all goes well.
+        held: (n,), whether a grip holds.
+        chances: what was to be expected.
+    """
+
+    stream: Stream
+    held: NDArray[np.bool_]
+    chances: Chances
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +71,7 @@ class SortingInstance:
         seen_s: (M,), when it enters them.
         words: what was assumed of the camera.
         lines: what is ordered; None where every item counts.
-        hoped: what can be tried, by what it brings on average; ``gain`` in reward. None where reports are not drawn.
-        hoped_count: (n,), the same in things placed.
+        tries: what can be tried; None where reports are not drawn.
     """
 
     belt: Belt
@@ -70,8 +84,7 @@ class SortingInstance:
     seen_s: Array
     words: str
     lines: Lines | None = None
-    hoped: Stream | None = None
-    hoped_count: Array | None = None
+    tries: Tries | None = None
 
     def bound(self, method: str = "relaxation", time_limit_s: float = 30.0) -> Bound:
         """What no policy can beat; see ``Instance``. Both methods are the same: the search is complete where it can be.
@@ -101,14 +114,12 @@ class SortingInstance:
         words = "all orders of picks, by dominance over the sets picked" if searched else "paths in time, items priced"
         proven = searched and gap == 0.0
         hope = None
-        if self.hoped is not None and self.hoped_count is not None:
-            brought = self.hoped._replace(gain=self.hoped_count)
+        if self.tries is not None:
+            hoped, count = _hoped(self.tries, self.config, len(self.belt.places))
             brought_n, brought_v = (
-                _best(self.belt, stream, self.labels, time_limit_s)[0] for stream in (brought, self.hoped)
+                _best(self.belt, stream, self.labels, time_limit_s)[0] for stream in (hoped._replace(gain=count), hoped)
             )
-            hope = Expectation(
-                brought_n / max(self.items, 1), brought_v, "grips, ways and ripeness by their chances", False
-            )
+            hope = Expectation(brought_n / max(self.items, 1), brought_v, BY_CHANCE, False)
         spent_s = time.perf_counter() - began
         return Bound(net_rate, value, cycle_s, f"{words}; {self.words}", proven, gap, spent_s, hope, found)
 
@@ -116,12 +127,20 @@ class SortingInstance:
         """The bound where things fill order lines: by number, where surplus is nothing, and by value."""
         began = time.perf_counter()
         surplus = self.config.scenario.orders.surplus
-        most, _ = _filled(self.belt, counted, lines, 0.0, time_limit_s)
-        value, _ = _filled(self.belt, self.placed, lines, surplus, time_limit_s)
+        sure = Chances.sure(len(counted.gain))
+        most = _filled(self.belt, counted, sure, lines, 0.0, time_limit_s)
+        value = _filled(self.belt, self.placed, sure, lines, surplus, time_limit_s)
         net_rate = math.floor(most + 1e-6) / max(self.items, 1)
+        hope = None
+        if self.tries is not None:
+            tried, _, chances = self.tries
+            ones = tried._replace(gain=np.ones(len(tried.gain)))
+            hoped_n = _filled(self.belt, ones, chances.counted(), lines, 0.0, time_limit_s)
+            hoped_v = _filled(self.belt, tried, chances, lines, surplus, time_limit_s)
+            hope = Expectation(hoped_n / max(self.items, 1), hoped_v, BY_CHANCE, False)
         words = f"paths in time, items and order lines priced, bins never away; {self.words}"
         seconds = time.perf_counter() - began
-        return Bound(net_rate, value, self.cycle_time_at(net_rate), words, False, math.nan, seconds)
+        return Bound(net_rate, value, self.cycle_time_at(net_rate), words, False, math.nan, seconds, hope)
 
     def cycle_time_at(self, net_rate: float) -> float:
         """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had."""
@@ -180,15 +199,23 @@ def _best(belt: Belt, stream: Stream, labels: int, seconds: float) -> tuple[floa
     return min(found.bound, float(stream.gain.sum())), order, False
 
 
-def _filled(belt: Belt, stream: Stream, lines: Lines, surplus: float, seconds: float) -> tuple[float, float]:
-    """What things can bring that fill order lines, and what the best schedule found brings, with bins never away."""
-    paths = expand(belt, stream, TICK_S)
-    n = len(stream.gain)
-    graph = Timeline(*paths, np.arange(n + 1), np.arange(n), np.ones(n))
+def _filled(belt: Belt, stream: Stream, chances: Chances, lines: Lines, surplus: float, seconds: float) -> float:
+    """What things can bring on average that fill order lines, with bins never away."""
+    # What brings nothing on average is left out, as what brings nothing at all is: who does without is no later.
+    use = chances.mean(stream.gain) > 0.0
+    parts = {name: getattr(stream, name)[use] for name in Stream._fields if name != "slack_m"}
+    stream, chances, n = Stream(**parts, slack_m=stream.slack_m), chances.of(use), int(use.sum())
+    goods = Goods(stream.bin, stream.gain, surplus, chances)
+    nowhere = stream._replace(bin=np.full(n, len(belt.places)))
+    bound, prices = math.inf, first_prices(lines, goods, stream.hold_s + 2.0 * stream.least_s)
+    for stage in STAGES:
+        paths = expand(belt, stream, stage.tick_s)
+        instead = expand(belt, nowhere, stage.tick_s)[1] if (chances.least < 1.0).any() else paths[1]
+        graph = Timeline(*paths, np.arange(n + 1), np.arange(n), np.ones(n))
+        bound, found = priced_orders(graph, instead, lines, goods, prices, stage, seconds)
+        prices = [found]
     earliest_s = stream.passing_s + stream.first_m / belt.paces.speed_m_s + stream.hold_s + stream.least_s
-    guess = stream.hold_s + 2.0 * stream.least_s
-    bound, found = priced_orders(graph, lines, stream.bin, stream.gain, surplus, guess, time_limit_s=seconds)
-    return min(bound, most_filled(lines, stream.bin, earliest_s, stream.gain, surplus)), found
+    return min(bound, most_filled(lines, goods, earliest_s))
 
 
 def _lines(worlds: Any, row: int) -> Lines | None:
@@ -225,15 +252,20 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
         ready = _ready(belt, placed)
         return SortingInstance(belt, ready, items, config, FEW_LABELS, False, nothing, nothing, words, lines)
     there = worlds.queue[row, : worlds.queued[row]]
+    number = worlds.number[row, there]
+    # In the order of their deadlines.
+    there = there[
+        np.argsort(number[:, NUMBER.passing_s] + number[:, NUMBER.last_m] / tables.paces.speed_m_s, kind="stable")
+    ]
     stray = (0.0, 0.0) if reports == "drawn" else (STRAY_M, STRAY_RAD)
-    quality = _quality(worlds, tables, row, there, *stray)
+    fits = quality(worlds, tables, row, there, *stray)
     truth = worlds.item_truth[row, worlds.report_item[row, there]]
-    held = truth[:, TRUTH.grip_luck] < tables.fingers.best * quality
-    kept = truth[:, TRUTH.way_luck] >= tables.fingers.slip * (1.0 - quality)
-    of_grade = truth[:, TRUTH.grade] == worlds.report_grade[row, there]
-    right = held & kept & of_grade
-    likely = _likely(core, worlds.report_grade[row, there], of_grade)
-    hoped, count = _hoped(_drawn(worlds, tables, row, there), tables, len(places), quality, held, likely)
+    held = truth[:, TRUTH.grip_luck] < tables.fingers.best * fits
+    kept = truth[:, TRUTH.way_luck] >= tables.fingers.slip * (1.0 - fits)
+    right = held & kept & (truth[:, TRUTH.grade] == worlds.report_grade[row, there])
+    able = fits > 0.0
+    tried = _ready(belt, _drawn(worlds, tables, row, there[able]))
+    tries = Tries(tried, held[able], chances_of(core, tables, row, there[able], stray))
     words = "reports as drawn" if reports == "drawn" else "reports as drawn, the platform strays"
     return SortingInstance(
         belt,
@@ -246,8 +278,7 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
         worlds.seen_s[row, there].copy(),
         words,
         lines,
-        _ready(belt, hoped),
-        _ready(belt, hoped._replace(gain=count)).gain,
+        tries,
     )
 
 
@@ -258,76 +289,26 @@ def _ready(belt: Belt, stream: Stream) -> Stream:
     return decided_late(belt, Stream(**parts, slack_m=stream.slack_m))
 
 
-def _hoped(
-    stream: Stream, tables: Any, nowhere: int, quality: Array, held: NDArray[np.bool_], right: Array
-) -> tuple[Stream, Array]:
+def _hoped(tries: Tries, config: SortingConfig, nowhere: int) -> tuple[Stream, Array]:
     """What picks bring on average in reward and, (n,), in things placed, of those that bring something.
 
     What time they take is as it is drawn: a grip that holds nothing goes on from the belt, sooner. Who knows that is
     charged for it, and paid for grips that hold, so that it comes to nothing on average (``SAVED``).
 
     Args:
-        stream: the reports.
-        tables: what the rules look up.
+        tries: what can be tried.
+        config: the task's numbers.
         nowhere: bin of what is not held.
-        quality: (n,), of the grips.
-        held: (n,), what is.
-        right: (n,), chance that it is of the grade that is reported.
     """
-    weights, fingers = tables.weights, tables.fingers
-    holds, slips = np.minimum(fingers.best * quality, 1.0), np.minimum(fingers.slip * (1.0 - quality), 1.0)
-    saved = SAVED * (held - holds)
-    placed = holds * (1.0 - slips) * right
-    misplaced = holds * (1.0 - slips) * (1.0 - right)
-    value = placed * stream.gain + misplaced * float(weights[REWARD.misplaced])
-    value += holds * slips * float(weights[REWARD.dropped]) + (1.0 - holds) * float(weights[REWARD.wasted])
-    value += saved * float(weights[REWARD.placed]) * float(np.mean(tables.values))
-    use = (holds > 0.0) & ((value > 0.0) | (placed + saved > 0.0))
+    stream, held, chances = tries
+    saved = SAVED * (held - chances.most)
+    placed = chances.most * chances.right + saved
+    value = chances.mean(stream.gain) + saved * config.weights.placed * float(np.mean(config.produce.value))
+    use = (chances.most > 0.0) & ((value > 0.0) | (placed > 0.0))
     bins = np.where(held, stream.bin, nowhere)
     parts = {name: getattr(stream, name)[use] for name in Stream._fields if name not in ("slack_m", "gain", "bin")}
-    count = np.maximum(placed + saved, 0.0)[use]
+    count = np.maximum(placed, 0.0)[use]
     return Stream(**parts, bin=bins[use], gain=np.maximum(value, 0.0)[use], slack_m=stream.slack_m), count
-
-
-def _likely(core: Any, grade: NDArray[np.int64], right: NDArray[np.bool_]) -> Array:
-    """Chance that items are of the grade that is reported, (n,).
-
-    A fruit's grade is its ripeness alone, of which nothing else is seen: so of fruits that the camera takes for no
-    tuber it is the posterior by the shares that are drawn. Other grades are as they are.
-    """
-    share = 1.0 - float(core.config.produce.ripe_from), float(core.config.produce.ripe_from)
-    seen, likely = np.asarray(core.perception.confusion, float), right.astype(float)
-    for told in (RIPE, GREEN):
-        chances = share[0] * seen[RIPE, told], share[1] * seen[GREEN, told]
-        if seen[:RIPE, told].sum() == 0.0 and sum(chances) > 0.0:
-            likely[grade == told] = chances[told - RIPE] / sum(chances)
-    return likely
-
-
-def _quality(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64], stray_m: float, stray_rad: float) -> Any:
-    """How well the fingers fit what is behind each report when the platform strays as is best; 0 where they cannot."""
-    number, truth = worlds.number[row, reports], worlds.item_truth[row, worlds.report_item[row, reports]]
-    x_axis = number[:, NUMBER.x_axis_x : NUMBER.x_axis_x + 3]
-    z_axis = number[:, NUMBER.z_axis_x : NUMBER.z_axis_x + 3]
-    tool = number[:, [NUMBER.across_m, NUMBER.across_m, NUMBER.height_m]] - tables.tool_m * z_axis
-    off = tool - truth[:, [TRUTH.across_m, TRUTH.across_m, TRUTH.up_m]]
-    # Along the belt its speed cancels out.
-    off[:, 0] = (
-        tables.paces.speed_m_s * (truth[:, TRUTH.passing_s] - number[:, NUMBER.passing_s])
-        - tables.tool_m * z_axis[:, 0]
-    )
-    radial = np.maximum(np.hypot(off[:, 0], off[:, 1]) - stray_m - tables.tool_m * stray_rad, 0.0)
-    height = np.maximum(np.abs(off[:, 2]) - stray_m - tables.tool_m * stray_rad, 0.0)
-    misfit = np.zeros(len(reports))
-    for axis, true, shape in ((x_axis, TRUTH.long_x, TRUTH.narrow), (z_axis, TRUTH.short_x, TRUTH.flat)):
-        cosine = np.abs((axis * truth[:, true : true + 3]).sum(axis=1))
-        angle = np.maximum(np.arccos(np.minimum(cosine, 1.0)) - stray_rad, 0.0)
-        misfit += np.sin(angle) ** 2 * truth[:, shape]
-    fingers = tables.fingers
-    exponent = radial**2 * fingers.radial_per_m2 + height**2 * fingers.height_per_m2 + misfit * fingers.misfit
-    quality = np.exp(exponent) * (radial**2 <= fingers.capture_m2)
-    real = worlds.report_item[row, reports] < worlds.item_truth.shape[1] - 1
-    return np.where(real & np.isfinite(number[:, NUMBER.last_m]), quality, 0.0)
 
 
 def _drawn(worlds: Any, tables: Any, row: int, reports: NDArray[np.int64]) -> Stream:

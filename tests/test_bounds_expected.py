@@ -142,6 +142,7 @@ def test_a_head_s_mean_is_that_of_many_heads():
         ("TrayTransplanting", "fill", "fixed-order-speed"),
         ("TrayTransplanting", "orders", "learned"),
         ("ProduceSorting", "load-1.6", "fifo"),
+        ("ProduceSorting", "orders", "receding-horizon-value"),
     ],
 )
 def test_no_policy_gets_more_on_average(name, scenario, policy):

@@ -1,4 +1,4 @@
-"""Produce that is packed to order: lines and cut-offs, bins that fill and are swapped, what is shown, bounds."""
+"""Produce that is packed to order: lines and cut-offs, bins that fill and are swapped, what is shown."""
 
 import copy
 from dataclasses import replace
@@ -16,7 +16,6 @@ from fieldgym.agents.evaluation import evaluate
 from fieldgym.agents.policies.base import act_single
 from fieldgym.agents.policies.search import Taken, with_one
 from fieldgym.agents.policies.sorting_orders import OrderHorizon, extend, wanted
-from fieldgym.bounds import sorting
 from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.field import FieldError
 from fieldgym.envs.field_files import read_field, write_field
@@ -288,28 +287,3 @@ def test_planning_for_orders_delivers_more_than_the_queue():
 
     queue, greedy, planned = (card(name)["net_rate"] for name in ("fifo", "value-per-second", "receding-horizon-value"))
     assert (planned - queue).mean() > 0.06 and (planned - greedy).mean() > 0.0
-
-
-def crowded(seed: int) -> SortingCore:
-    """A short crowded stream with two small lorries and a bin that is soon full, waits that are long."""
-    book = OrderConfig(shipments=2, every_s=4.0, lines=2, count=(1, 2), bin_holds=2, swap_s=1.5)
-    scenario = replace(SCENARIOS["load-1.6"], stream_s=3.0, load=2.5, orders=book)
-    config = SortingConfig(scenario=scenario, grip=replace(SortingConfig().grip, wait_s=1.5))
-    for number in range(200):
-        core = SortingCore(config, PerceptionModel.measured(), 1)
-        core.reset_rows(np.array([0]), [np.random.default_rng(1000 * seed + number)])
-        if int(core.state.queued[0]) == 4:
-            return core
-    raise AssertionError("no toy has so many reports")
-
-
-def test_no_order_of_picks_delivers_more_than_the_bound(best_by_trying):
-    touched = 0
-    for seed in range(6):
-        core = crowded(seed)
-        instance, best = sorting.instance_of(core), best_by_trying(core)
-        bound = instance.bound()
-        assert best.episode_return <= bound.episode_return + 1e-9 and best.net_rate <= bound.net_rate + 1e-9
-        assert best.cycle_time_s >= instance.cycle_time_at(best.net_rate - 1e-9) - 1e-9
-        touched += best.net_rate == pytest.approx(bound.net_rate)
-    assert touched >= 5
