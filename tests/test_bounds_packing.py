@@ -37,7 +37,7 @@ def crowded(seed: int, reports: int = 4, **changes: Any) -> SortingCore:
 
 
 def hasty(best: float) -> SortingCore:
-    """Two items that are due before both could be packed, unless the first grip fails; either holds with that chance."""
+    """Two items that are due before both could be packed, unless the first grip fails; each holds by chance."""
     book = OrderConfig(shipments=1, every_s=20.0, lines=2)
     config = SortingConfig(scenario=replace(SCENARIOS["load-1.6"], orders=book))
     core = SortingCore(override(config, {"grip.best": best}), PerceptionModel.perfect(), 1)
