@@ -3,8 +3,8 @@
 Every thing may be picked once and every line takes its count. A thing that lies in its bin at a time fills one of its
 grade's lines that are due no sooner, at that line's price, or brings what surplus brings. For any prices a longest path
 bounds every schedule (see ``timeline``); subgradient steps on both kinds of prices make the bound small. Relaxed beyond
-that: bins are never away, and ends are rounded down to a tick, so a thing may be a tick late. Who knows the luck has only
-those things to pick that land right, with chances of 1.
+that: bins are never away, and ends are rounded down to a tick, so a thing may be a tick late. Who knows the luck has
+only those things to pick that land right, with chances of 1.
 
 **In expectation** a pick may fail: then the machine is free sooner, somewhere over the belt, and nothing lies in a bin.
 A pick is worth what it brings on average and, by their chances, the two nodes to which it may lead. So the longest path
