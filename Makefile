@@ -8,6 +8,7 @@
 # make media       the documentation's moving pictures, in docs/media
 # make lint        ruff and pyright
 # make docs        the documentation's site in docs/_build/html; warnings are errors
+# make docs REPLAYS=no  the same without the replays, which take minutes
 # make docs-serve  the same, served at http://127.0.0.1:8000
 # make linkcheck   follow every link within the site, to files and to headings
 # make linkcheck-elsewhere  ask every link that leads elsewhere; needs the network
@@ -26,6 +27,8 @@ JOBS ?= 2
 ORDER ?= 1
 # Machine code of everything, before tests ask for it; PREPARE=true leaves each its own to compile.
 PREPARE ?= $(BIN)/fieldgym prepare
+# Replays of every environment in the site; no leaves them out.
+REPLAYS ?= yes
 PYENV_ROOT ?= $(HOME)/.pyenv
 
 # Nothing of an active environment may leak into ours.
@@ -57,9 +60,9 @@ leaderboard: $(FULL)
 test: $(FULL)
 	$(PYTEST) -m "not slow"
 
-# What may differ from one Python to another.
+# What may differ from one Python to another: of the weeders, which have nearly all in common, the laser's is enough.
 test-portable: $(FULL)
-	$(PYTEST) -m "portable and not slow" $$(grep --files-with-matches mark.portable tests/test_*.py)
+	$(PYTEST) -m "portable and not slow" -k "not HoeWeeding and not LaserWeedingSpeed and not never_stale" $$(grep --files-with-matches mark.portable tests/test_*.py)
 
 test-slow: $(FULL)
 	$(PYTEST) -m "slow and not long"
@@ -80,7 +83,7 @@ lint: $(FULL)
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 docs: $(SITED)
-	$(BIN)/python -m sphinx -W --keep-going -b html docs $(SITE)
+	REPLAYS=$(REPLAYS) $(BIN)/python -m sphinx -W --keep-going -b html docs $(SITE)
 	@echo "The site: $(SITE)/index.html"
 
 docs-serve: docs

@@ -90,6 +90,8 @@ def test_a_sample_is_the_beginning_of_a_larger_one(found, monkeypatch):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants run in forks")
+@pytest.mark.slow
+@pytest.mark.long
 def test_tests_let_a_tree_pass_or_not_or_never_end(found, tmp_path):
     mutants, tree = import_module("mutants"), tmp_path / "fieldgym"
     (tree / "tests").mkdir(parents=True)

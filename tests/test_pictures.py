@@ -81,7 +81,12 @@ def test_what_is_asked_of_pictures_survives_json_copies_and_every_wrapper():
     env.close()
 
 
-@pytest.mark.parametrize("env_id", env_ids())
+# Two weeders draw as the laser's does.
+AGAIN = ("fieldgym/LaserWeedingSpeed-v0", "fieldgym/HoeWeeding-v0")
+DRAWN = [pytest.param(one, marks=[pytest.mark.slow, pytest.mark.long] * (one in AGAIN)) for one in env_ids()]
+
+
+@pytest.mark.parametrize("env_id", DRAWN)
 def test_a_picture_a_decision_plays_as_long_as_the_episode_took(env_id: str):
     """Gymnasium's ``RecordVideo`` shows them at ``render_fps``."""
     spec = task(env_id)

@@ -63,7 +63,8 @@ def test_sums_are_rounded_after_each_number() -> None:
     assert in_order([]) == 0.0
 
 
-@pytest.mark.slow  # everything is compiled, and nothing of it kept
+@pytest.mark.slow
+@pytest.mark.long  # everything is compiled, and nothing of it kept
 def test_without_a_folder_that_can_be_written_an_environment_runs_with_one_warning(tmp_path: Path) -> None:
     nowhere = tmp_path / "file"
     nowhere.write_text("not a folder")

@@ -25,6 +25,8 @@ _FROM = ("agents", "assets", "envs", "kernels", "mechanisms", "motion", "papers"
 def everything(docs: Path = DOCS, tell: Callable[[str], None] = print) -> None:
     """Write all of it below ``docs``; pictures, replays and the reproduction only where the code has changed.
 
+    REPLAYS=no in the environment leaves replays out, which take minutes; pages do not link to them then.
+
     Args:
         docs: folder of the pages.
         tell: is told what takes a moment.
@@ -35,7 +37,7 @@ def everything(docs: Path = DOCS, tell: Callable[[str], None] = print) -> None:
         name = environments.slug(spec)
         if pictures.moving(docs / "media", name) is None:
             fresh(docs / "made" / f"{name}.jpg", state, tell, lambda to, spec=spec: pictures.still(spec, to))
-        if find_spec("viser") is not None:
+        if os.environ.get("REPLAYS") != "no" and find_spec("viser") is not None:
             to = docs / "made" / "extra" / "replays" / f"{name}.html"
             fresh(to, state, tell, lambda to, spec=spec: pictures.replay(spec, to))
     fresh(docs / "reproduction" / "index.md", state, tell, _reproduce)
