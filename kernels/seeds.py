@@ -37,6 +37,7 @@ TUNED = Block(0, 100_000, "rules and planners are tried and tuned on them; the q
 SHOWN = Block(
     100_000, 200_000, "development prints them: settings are never chosen on them, figures in the docs are theirs"
 )
+BELIEFS = Block(200_000, 300_000, "what planners believe is held to what happens on them: nothing is chosen on them")
 DRIVES = Block(700_000, 800_000, "limits and errors of drives")
 CAMERAS = Block(900_000, 920_000, "the weeders' cameras were fitted on them")
 LESSONS = Block(920_000, 940_000, "the networks of the weeders' eyes learned from pictures of them")
@@ -56,6 +57,7 @@ CLONES = Block(3_000_000_000, 3_100_000_000, "a clone and its teacher are compar
 BLOCKS = {
     "tuned": TUNED,
     "shown": SHOWN,
+    "beliefs": BELIEFS,
     "drives": DRIVES,
     "cameras": CAMERAS,
     "lessons": LESSONS,

@@ -26,6 +26,7 @@ from ...envs.weeding.outcomes import (
 )
 from ...envs.weeding.state import MODES
 from ...envs.weeding.timing import G
+from ...envs.weeding.together import set_right
 from ...kernels import compiled
 from .search import Taken, way_of
 
@@ -85,6 +86,11 @@ class Memory(NamedTuple):
         again = (cart_m == self.cart_m) & self.fired
         self.shots[again] -= 1
         self.fired[again] = False
+
+    def untouched(self, place: Array) -> Flags:
+        """Whether no own shot is remembered within ``FAR_M`` of places (B, 2) in the world."""
+        apart_m = np.hypot(*np.moveaxis(self.place - place[:, None], -1, 0))
+        return ~((apart_m < FAR_M) & (np.arange(MEMORY) < self.shots[:, None])).any(axis=1)
 
     def add(
         self,
@@ -228,3 +234,28 @@ def kills_now(belief: Belief, count: NDArray[np.int64]) -> Array:
             for mode in range(MODES):
                 killed[w, k, mode] = kills(belief, w, k, mode, Taken(0, 0, 0))
     return killed
+
+
+def all_together(
+    sums: Array,
+    belief: Belief,
+    killed: Array,
+    untouched: Flags,
+    slot: NDArray[np.int64],
+    mode: NDArray[np.int64],
+) -> Array:
+    """What shots (B,) are expected to kill, their sums set right.
+
+    Args:
+        sums: see ``envs.weeding.together``.
+        belief: of the candidates.
+        killed: (B, K, M), ``kills_now``.
+        untouched: (B,), see ``Memory``; sums that own shots have changed are left as they are: they are no longer of
+            the kind that was measured.
+        slot: (B,), what is shot at.
+        mode: (B,).
+    """
+    rows = np.arange(len(slot))
+    near = (belief.near[rows, slot][:, None] >> np.arange(killed.shape[1]) & 1) > 0
+    whole, most = killed[rows, slot, mode], np.where(near, killed[rows, :, mode], 0.0).max(axis=1)
+    return np.where(untouched, set_right(sums, belief.own[rows, slot, mode], whole, most, mode), whole)

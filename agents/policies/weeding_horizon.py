@@ -23,11 +23,12 @@ from ...envs.weeding.features import (
 from ...envs.weeding.outcomes import Outcomes, outcomes_of
 from ...envs.weeding.ridges import lift_time
 from ...envs.weeding.timing import A, G, Place, approach, move_time
+from ...envs.weeding.together import sums_of
 from ...kernels import bind, compiled
 from .base import Actions, Observation
 from .search import NOTHING, Step, Taken, search, with_one, within
 from .weeding import AtSpeed, HoldBacklog, ScriptedWeeder
-from .weeding_belief import Belief, Memory, believe, kills, kills_now
+from .weeding_belief import Belief, Memory, all_together, believe, kills, kills_now
 from .weeding_outlook import Thrift, outlook
 
 Array = NDArray[np.float64]
@@ -173,6 +174,9 @@ class RecedingHorizon(ScriptedWeeder):
     mode with the highest value less a price for its seconds; where energy is scarce, a joule costs what makes it last
     for the rest of the strip. Waiting a moment is a sequence too. Only the first shot is fired.
 
+    The search adds up what is believed of one report at a time. What it tells of the shot that it has chosen
+    (``expected``) is set right by what such sums bring (``envs.weeding.together``).
+
     Attributes:
         believed: (B,), kills that the last decisions are expected to bring.
 
@@ -181,6 +185,7 @@ class RecedingHorizon(ScriptedWeeder):
         depth: shots ahead.
         width: sequences kept at each depth.
         outcomes: what shots do on average; by default as the tool's measured cameras see.
+        sums: what sums of that bring, see ``envs.weeding.together``; by default likewise.
         price: of a second, as a share of what work without pause earns.
         budget_ms: wall milliseconds for a decision; the search is then as wide as it has time for, whatever ``width``.
     """
@@ -195,6 +200,7 @@ class RecedingHorizon(ScriptedWeeder):
         outcomes: Outcomes | None = None,
         price: float = PRICE,
         budget_ms: float | None = None,
+        sums: Array | None = None,
     ):
         """Take the machine's windows and move times from the configuration."""
         super().__init__(config)
@@ -203,6 +209,7 @@ class RecedingHorizon(ScriptedWeeder):
         self._depth, self._width, self._budget_ms = depth, width, budget_ms
         tool = self.outlook
         self._tables = outcomes or outcomes_of(config, tool.perception, tool.process)
+        self._sums = sums_of(config, tool.perception, tool.process) if sums is None else sums
         scarce = config.scenario.energy_j > 0.0
         self._thrift = Thrift.of(self._tables, tool.energy_j) if scarce else None
         self._price = price * config.weights.killed / config.service_s
@@ -215,8 +222,8 @@ class RecedingHorizon(ScriptedWeeder):
         """The policy for an environment; it reckons with the cameras that the environment has."""
         core = env.unwrapped.core
         config = core.config
-        perception = core.perception or outlook(config).perception
-        return cls(config, outcomes=outcomes_of(config, perception, core.process), **settings)
+        seen = config, core.perception or outlook(config).perception, core.process
+        return cls(config, outcomes=outcomes_of(*seen), sums=sums_of(*seen), **settings)
 
     def reset(self, rows: NDArray[np.bool_]) -> None:
         """Forget the shots of the worlds (B,) in which a new episode begins."""
@@ -242,7 +249,8 @@ class RecedingHorizon(ScriptedWeeder):
         slot, mode = np.where(fired, answer // modes, 0), np.where(fired, answer % modes, 0)
         place = shots.place[rows, slot]
         place[:, G.along] += cart_m
-        self.believed = np.where(fired, killed[rows, slot, mode], 0.0)
+        untouched = self._memory.untouched(place)
+        self.believed = np.where(fired, all_together(self._sums, shots.belief, killed, untouched, slot, mode), 0.0)
         confidence = candidate_table(observation)[rows, slot, C.confidence].astype(np.float64)
         self._memory.add(cart_m, place, kind[rows, slot], confidence, mode, fired)
         return np.where(fired, answer, self.wait)
