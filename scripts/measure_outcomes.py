@@ -52,8 +52,9 @@ def table(
         "seeds": [OUTCOMES.first, OUTCOMES.first + strips - 1],
     }
     values = {name: getattr(outcomes, name).tolist() for name in Outcomes._fields}
-    share = np.round(measured_sums(*seen, outcomes, strips), DIGITS).tolist()
-    return outcomes, told | values, told | {"share": share}
+    sums = measured_sums(*seen, outcomes, strips)
+    shares = {name: np.round(getattr(sums, name), DIGITS).tolist() for name in sums._fields}
+    return outcomes, told | values, told | shares
 
 
 def check(count: int, only: str, plot: Path | None) -> None:

@@ -26,7 +26,7 @@ from ...envs.weeding.outcomes import (
 )
 from ...envs.weeding.state import MODES
 from ...envs.weeding.timing import G
-from ...envs.weeding.together import set_right
+from ...envs.weeding.together import Shares, set_right
 from ...kernels import compiled
 from .search import Taken, way_of
 
@@ -87,10 +87,12 @@ class Memory(NamedTuple):
         self.shots[again] -= 1
         self.fired[again] = False
 
-    def untouched(self, place: Array) -> Flags:
-        """Whether no own shot is remembered within ``FAR_M`` of places (B, 2) in the world."""
+    def nearest(self, place: Array) -> tuple[Array, NDArray[np.int64]]:
+        """How far from places (B, 2) in the world the nearest remembered shot is, and its mode; infinitely for none."""
         apart_m = np.hypot(*np.moveaxis(self.place - place[:, None], -1, 0))
-        return ~((apart_m < FAR_M) & (np.arange(MEMORY) < self.shots[:, None])).any(axis=1)
+        apart_m[np.arange(MEMORY) >= self.shots[:, None]] = np.inf
+        slot, rows = apart_m.argmin(axis=1), np.arange(len(place))
+        return apart_m[rows, slot], self.mode[rows, slot]
 
     def add(
         self,
@@ -237,25 +239,26 @@ def kills_now(belief: Belief, count: NDArray[np.int64]) -> Array:
 
 
 def all_together(
-    sums: Array,
+    sums: Shares,
     belief: Belief,
     killed: Array,
-    untouched: Flags,
     slot: NDArray[np.int64],
     mode: NDArray[np.int64],
+    before_m: Array,
+    before: NDArray[np.int64],
 ) -> Array:
     """What shots (B,) are expected to kill, their sums set right.
 
     Args:
-        sums: see ``envs.weeding.together``.
+        sums: what happens, as a share of what is believed.
         belief: of the candidates.
         killed: (B, K, M), ``kills_now``.
-        untouched: (B,), see ``Memory``; sums that own shots have changed are left as they are: they are no longer of
-            the kind that was measured.
         slot: (B,), what is shot at.
         mode: (B,).
+        before_m: (B,), see ``Memory.nearest``.
+        before: see ``before_m``.
     """
     rows = np.arange(len(slot))
     near = (belief.near[rows, slot][:, None] >> np.arange(killed.shape[1]) & 1) > 0
     whole, most = killed[rows, slot, mode], np.where(near, killed[rows, :, mode], 0.0).max(axis=1)
-    return np.where(untouched, set_right(sums, belief.own[rows, slot, mode], whole, most, mode), whole)
+    return set_right(sums, belief.own[rows, slot, mode], whole, most, mode, before_m, before)
