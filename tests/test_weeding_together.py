@@ -56,12 +56,12 @@ def test_sums_are_told_apart_by_their_parts_and_by_whether_a_report_near_promise
 
     for mode in range(3):
         for k, (best, own_, beside_) in enumerate(((1, 0.8, 0.3), (0, 0.6, 0.4))):
-            place = best, class_of(OWNS, own_), class_of(BESIDES, beside_), mode
+            place = 1, best, class_of(OWNS, own_), class_of(BESIDES, beside_), mode
             assert believed.first[place] == pytest.approx(own_ + beside_)
             assert happened.first[place] == pytest.approx(kills(arrives(mode, k)))
         for before in range(3):
             # The second one after the first, 12 mm away, not the other way round.
-            place = 2, class_of(REMAINS, 0.22), before, mode
+            place = 1, 2, class_of(REMAINS, 0.22), before, mode
             assert believed.second[place] == pytest.approx(0.6 * 0.3 + 0.04)
             both = kills(arrives(before, 0) + arrives(mode, 1)) - kills(arrives(before, 0))
             assert happened.second[place] == pytest.approx(both)
@@ -72,8 +72,9 @@ def test_a_sum_is_set_right_by_its_own_class():
     first, second = (np.arange(part.size, dtype=float).reshape(part.shape) for part in Shares.filled(0.0))
     own, whole, mode = np.array([0.8, 1.2, 0.03, 0.9]), np.array([0.8, 2.1, 2.03, 0.3]), np.array([2, 0, 1, 1])
     before_m, before = np.array([np.inf, FAR_M, 0.06, 0.021]), np.array([0, 1, 1, 2])
-    found = set_right(Shares(first, second), own, whole, np.array([0.0, 2.2, 2.0, 0.5]), mode, before_m, before)
-    shares = first[1, 3, 0, 2], first[0, 7, 5, 0], first[1, 0, 9, 1], second[4, 3, 2, 1]
+    kind = np.array([0, 5, 3, 2])
+    found = set_right(Shares(first, second), kind, own, whole, np.array([0.0, 2.2, 2.0, 0.5]), mode, before_m, before)
+    shares = first[0, 1, 3, 0, 2], first[5, 0, 7, 5, 0], first[3, 1, 0, 9, 1], second[2, 4, 3, 2, 1]
     np.testing.assert_array_equal(found, shares * whole)
 
 
@@ -124,13 +125,14 @@ def test_sums_that_ship_bring_what_they_say():
     for begin in range(0, 2000, 50):
         batch = core.draw([np.random.default_rng(seed) for seed in TUNED.take(50, 2000 + begin)])
         parts.append(added(tool, batch, tables))
-    much = 1, slice(class_of(OWNS, 0.8), None), slice(class_of(BESIDES, 1.0), None), 2
-    doubtful = 1, slice(class_of(OWNS, 0.7) + 1), slice(class_of(BESIDES, 0.01), class_of(BESIDES, 0.6) + 1), 2
-    second = slice(0, 4), slice(class_of(REMAINS, 0.3), None), 2, 2
+    every = slice(None)
+    much = every, 1, slice(class_of(OWNS, 0.8), None), slice(class_of(BESIDES, 1.0), None), 2
+    doubtful = every, 1, slice(class_of(OWNS, 0.7) + 1), slice(class_of(BESIDES, 0.01), class_of(BESIDES, 0.6) + 1), 2
+    second = every, slice(0, 4), slice(class_of(REMAINS, 0.3), None), 2, 2
     for which, where, widest in ((0, much, 0.01), (0, doubtful, 0.04), (1, second, 0.02)):
         believed, happened = (np.array([part[side][which][where] for part in parts]) for side in range(2))
         whole = believed.sum()
         for share, holds in ((shares[which][where], True), (1.0, False)):
-            error = (share * believed - happened).sum(axis=(1, 2))
+            error = (share * believed - happened).sum(axis=(1, 2, 3))
             chance = 3.5 * error.std() * np.sqrt(len(error)) / whole
             assert chance < 3.5 * widest and (abs(error.sum() / whole) < chance) == holds

@@ -242,6 +242,7 @@ def all_together(
     sums: Shares,
     belief: Belief,
     killed: Array,
+    kind: NDArray[np.int64],
     slot: NDArray[np.int64],
     mode: NDArray[np.int64],
     before_m: Array,
@@ -253,6 +254,7 @@ def all_together(
         sums: what happens, as a share of what is believed.
         belief: of the candidates.
         killed: (B, K, M), ``kills_now``.
+        kind: (B, K), reported.
         slot: (B,), what is shot at.
         mode: (B,).
         before_m: (B,), see ``Memory.nearest``.
@@ -261,4 +263,4 @@ def all_together(
     rows = np.arange(len(slot))
     near = (belief.near[rows, slot][:, None] >> np.arange(killed.shape[1]) & 1) > 0
     whole, most = killed[rows, slot, mode], np.where(near, killed[rows, :, mode], 0.0).max(axis=1)
-    return set_right(sums, belief.own[rows, slot, mode], whole, most, mode, before_m, before)
+    return set_right(sums, kind[rows, slot], belief.own[rows, slot, mode], whole, most, mode, before_m, before)

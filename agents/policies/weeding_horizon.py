@@ -249,8 +249,8 @@ class RecedingHorizon(ScriptedWeeder):
         slot, mode = np.where(fired, answer // modes, 0), np.where(fired, answer % modes, 0)
         place = shots.place[rows, slot]
         place[:, G.along] += cart_m
-        before = self._memory.nearest(place)
-        self.believed = np.where(fired, all_together(self._sums, shots.belief, killed, slot, mode, *before), 0.0)
+        told = all_together(self._sums, shots.belief, killed, kind, slot, mode, *self._memory.nearest(place))
+        self.believed = np.where(fired, told, 0.0)
         confidence = candidate_table(observation)[rows, slot, C.confidence].astype(np.float64)
         self._memory.add(cart_m, place, kind[rows, slot], confidence, mode, fired)
         return np.where(fired, answer, self.wait)

@@ -30,6 +30,7 @@ from .outcomes import (
     CROWD_M,
     CROWDS,
     FAR_M,
+    KINDS,
     NEIGHBOUR_GAPS_M,
     STEP_M,
     STEPS,
@@ -52,8 +53,8 @@ BESIDES = (1e-6, 0.1, 0.35, 0.65, 0.85, 0.95, 1.1, 1.5, 1.8, 2.2, 2.8, 3.6)
 REMAINS = (0.05, 0.1, 0.2, 0.35, 0.6, 0.85, 1.1)
 """The same of what a shot at one report still kills after one at another."""
 SHIPPED_SUMS = "outcomes/together.json"
-_TRUST = 20.0
-"""A class counts as if so many kills more had been believed, and had happened."""
+_TRUST = 50.0
+"""A class counts as if so many kills more had been believed, and the share of all kinds of them had happened."""
 _BATCH = 50
 """Strips that are drawn together."""
 
@@ -62,9 +63,10 @@ class Shares(NamedTuple):
     """What happens, as a share of what sums of beliefs say.
 
     Attributes:
-        first: (2, own kills, kills beside, modes), by whether a report near promises more (0) or none does (1), of
-            shots where there was none before.
-        second: (steps, remains, modes before, modes), by how far away the shot before was and by how much is believed.
+        first: (kinds, 2, own kills, kills beside, modes), by the reported kind and by whether a report near promises
+            more (0) or none does (1), of shots where there was none before.
+        second: (kinds, steps, remains, modes before, modes), by how far away the shot before was and by how much is
+            believed.
     """
 
     first: Array
@@ -74,8 +76,8 @@ class Shares(NamedTuple):
     def filled(cls, value: float) -> Shares:
         """One value everywhere."""
         return cls(
-            np.full((2, len(OWNS) + 1, len(BESIDES) + 1, MODES), value),
-            np.full((STEPS, len(REMAINS) + 1, MODES, MODES), value),
+            np.full((KINDS, 2, len(OWNS) + 1, len(BESIDES) + 1, MODES), value),
+            np.full((KINDS, STEPS, len(REMAINS) + 1, MODES, MODES), value),
         )
 
 
@@ -111,8 +113,8 @@ def add_up(
                     if apart_m[k, j] < FAR_M and whole[j, mode] > whole[k, mode]:
                         best = 0
                 c, d = class_of(OWNS, own[k, mode]), class_of(BESIDES, whole[k, mode] - own[k, mode])
-                believed.first[best, c, d, mode] += whole[k, mode]
-                happened.first[best, c, d, mode] += killed[mode]
+                believed.first[kind[k], best, c, d, mode] += whole[k, mode]
+                happened.first[kind[k], best, c, d, mode] += killed[mode]
             for s in range(n):
                 if s == k or not apart_m[k, s] < FAR_M:
                     continue
@@ -136,8 +138,8 @@ def add_up(
                         continue
                     for mode in range(MODES):
                         c = class_of(REMAINS, remains[before, mode])
-                        believed.second[step, c, before, mode] += remains[before, mode]
-                        happened.second[step, c, before, mode] += more[before, mode]
+                        believed.second[kind[k], step, c, before, mode] += remains[before, mode]
+                        happened.second[kind[k], step, c, before, mode] += more[before, mode]
 
 
 @compiled
@@ -226,14 +228,20 @@ def measured_sums(
     strip, cameras = Strip.of(scenario), Cameras.of(scenario, config.cart, perception)
     lengths = (*strip.random_numbers, *cameras.random_numbers(scenario.max_weeds))
     worth, seeds = np.array(scenario.worth, float), OUTCOMES.take(strips)
-    believed, happened = Shares.filled(_TRUST), Shares.filled(_TRUST)
+    believed, happened = Shares.filled(0.0), Shares.filled(0.0)
     for begin in range(0, strips, _BATCH):
         generators = [np.random.default_rng(seed) for seed in seeds[begin : begin + _BATCH]]
         uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, lengths)
         plants = draw_plants(strip, uniform, normal)
         tracks = draw_tracks(cameras, plants, camera_uniform, camera_normal)
         add_up(process.work, process.response, worth, tables, plants, tracks, believed, happened)
-    return Shares(*(one / other for one, other in zip(happened, believed, strict=True)))
+    return Shares(*(_shares(one, other) for one, other in zip(happened, believed, strict=True)))
+
+
+def _shares(happened: Array, believed: Array) -> Array:
+    """What happened of what was believed, by classes whose first axis are kinds; rare ones lean on all kinds."""
+    every = (happened.sum(axis=0) + _TRUST) / (believed.sum(axis=0) + _TRUST)
+    return (happened + _TRUST * every) / (believed + _TRUST)
 
 
 @lru_cache(maxsize=1)
@@ -249,6 +257,7 @@ def sums_of(config: FieldTask, perception: PerceptionModel, process: WeedingProc
 
 def set_right(
     shares: Shares,
+    kind: NDArray[np.int64],
     own: Array,
     whole: Array,
     most: Array,
@@ -260,6 +269,7 @@ def set_right(
 
     Args:
         shares: of what is believed.
+        kind: (B,), reported, see ``Outcomes``.
         own: (B,), believed kills among what belongs to the report itself.
         whole: (B,), the same with what is believed of those beside it.
         most: (B,), the largest sum that a report within ``FAR_M`` has.
@@ -269,7 +279,7 @@ def set_right(
     """
     best = (most <= whole).astype(np.int64)
     itself, beside = np.searchsorted(OWNS, own, side="right"), np.searchsorted(BESIDES, whole - own, side="right")
-    first, second = shares.first[best, itself, beside, mode], before_m < FAR_M
+    first, second = shares.first[kind, best, itself, beside, mode], before_m < FAR_M
     step = (np.where(second, before_m, 0.0) / STEP_M).astype(np.int64)
-    then = shares.second[step, np.searchsorted(REMAINS, whole, side="right"), before, mode]
+    then = shares.second[kind, step, np.searchsorted(REMAINS, whole, side="right"), before, mode]
     return whole * np.where(second, then, first)
