@@ -52,9 +52,8 @@ def table(
         "seeds": [OUTCOMES.first, OUTCOMES.first + strips - 1],
     }
     values = {name: getattr(outcomes, name).tolist() for name in Outcomes._fields}
-    sums = measured_sums(*seen, outcomes, strips)
-    shares = {name: np.round(getattr(sums, name), DIGITS).tolist() for name in sums._fields}
-    return outcomes, told | values, told | shares
+    share = np.round(measured_sums(*seen, outcomes, strips), DIGITS).tolist()
+    return outcomes, told | values, told | {"share": share}
 
 
 def check(count: int, only: str, plot: Path | None) -> None:

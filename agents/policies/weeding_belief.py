@@ -26,7 +26,7 @@ from ...envs.weeding.outcomes import (
 )
 from ...envs.weeding.state import MODES
 from ...envs.weeding.timing import G
-from ...envs.weeding.together import Shares, set_right
+from ...envs.weeding.together import set_right
 from ...kernels import compiled
 from .search import Taken, way_of
 
@@ -87,12 +87,10 @@ class Memory(NamedTuple):
         self.shots[again] -= 1
         self.fired[again] = False
 
-    def nearest(self, place: Array) -> tuple[Array, NDArray[np.int64]]:
-        """How far from places (B, 2) in the world the nearest remembered shot is, and its mode; infinitely for none."""
+    def untouched(self, place: Array) -> Flags:
+        """Whether no own shot is remembered within ``FAR_M`` of places (B, 2) in the world."""
         apart_m = np.hypot(*np.moveaxis(self.place - place[:, None], -1, 0))
-        apart_m[np.arange(MEMORY) >= self.shots[:, None]] = np.inf
-        slot, rows = apart_m.argmin(axis=1), np.arange(len(place))
-        return apart_m[rows, slot], self.mode[rows, slot]
+        return ~((apart_m < FAR_M) & (np.arange(MEMORY) < self.shots[:, None])).any(axis=1)
 
     def add(
         self,
@@ -239,28 +237,28 @@ def kills_now(belief: Belief, count: NDArray[np.int64]) -> Array:
 
 
 def all_together(
-    sums: Shares,
+    sums: Array,
     belief: Belief,
     killed: Array,
     kind: NDArray[np.int64],
     slot: NDArray[np.int64],
     mode: NDArray[np.int64],
-    before_m: Array,
-    before: NDArray[np.int64],
+    untouched: Flags,
 ) -> Array:
     """What shots (B,) are expected to kill, their sums set right.
 
     Args:
-        sums: what happens, as a share of what is believed.
+        sums: see ``envs.weeding.together``.
         belief: of the candidates.
         killed: (B, K, M), ``kills_now``.
         kind: (B, K), reported.
         slot: (B,), what is shot at.
         mode: (B,).
-        before_m: (B,), see ``Memory.nearest``.
-        before: see ``before_m``.
+        untouched: (B,), see ``Memory``; sums that own shots have changed are left as they are: they are no longer of
+            the kind that was measured.
     """
     rows = np.arange(len(slot))
     near = (belief.near[rows, slot][:, None] >> np.arange(killed.shape[1]) & 1) > 0
     whole, most = killed[rows, slot, mode], np.where(near, killed[rows, :, mode], 0.0).max(axis=1)
-    return set_right(sums, kind[rows, slot], belief.own[rows, slot, mode], whole, most, mode, before_m, before)
+    told = set_right(sums, kind[rows, slot], belief.own[rows, slot, mode], whole, most, mode)
+    return np.where(untouched, told, whole)

@@ -23,7 +23,7 @@ from ...envs.weeding.features import (
 from ...envs.weeding.outcomes import Outcomes, outcomes_of
 from ...envs.weeding.ridges import lift_time
 from ...envs.weeding.timing import A, G, Place, approach, move_time
-from ...envs.weeding.together import Shares, sums_of
+from ...envs.weeding.together import sums_of
 from ...kernels import bind, compiled
 from .base import Actions, Observation
 from .search import NOTHING, Step, Taken, search, with_one, within
@@ -200,7 +200,7 @@ class RecedingHorizon(ScriptedWeeder):
         outcomes: Outcomes | None = None,
         price: float = PRICE,
         budget_ms: float | None = None,
-        sums: Shares | None = None,
+        sums: Array | None = None,
     ):
         """Take the machine's windows and move times from the configuration."""
         super().__init__(config)
@@ -249,7 +249,7 @@ class RecedingHorizon(ScriptedWeeder):
         slot, mode = np.where(fired, answer // modes, 0), np.where(fired, answer % modes, 0)
         place = shots.place[rows, slot]
         place[:, G.along] += cart_m
-        told = all_together(self._sums, shots.belief, killed, kind, slot, mode, *self._memory.nearest(place))
+        told = all_together(self._sums, shots.belief, killed, kind, slot, mode, self._memory.untouched(place))
         self.believed = np.where(fired, told, 0.0)
         confidence = candidate_table(observation)[rows, slot, C.confidence].astype(np.float64)
         self._memory.add(cart_m, place, kind[rows, slot], confidence, mode, fired)
