@@ -32,6 +32,8 @@ def everything(docs: Path = DOCS, tell: Callable[[str], None] = print) -> None:
         tell: is told what takes a moment.
     """
     state = digest()
+    # Sphinx copies it as it is, and warns where it is missing.
+    (docs / "made" / "extra").mkdir(parents=True, exist_ok=True)
     own = [spec for spec in tasks() if spec.id.startswith("fieldgym/")]
     for spec in own:
         name = environments.slug(spec)
