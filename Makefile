@@ -29,6 +29,7 @@ ORDER ?= 1
 PREPARE ?= $(BIN)/fieldgym prepare
 # Replays of every environment in the site; no leaves them out.
 REPLAYS ?= yes
+PORTABLE ?= $$(grep --files-with-matches mark.portable tests/test_*.py)
 PYENV_ROOT ?= $(HOME)/.pyenv
 
 # Nothing of an active environment may leak into ours.
@@ -62,7 +63,7 @@ test: $(FULL)
 
 # What may differ from one Python to another: of the weeders, which have nearly all in common, the laser's is enough.
 test-portable: $(FULL)
-	$(PYTEST) -m "portable and not slow" -k "not HoeWeeding and not LaserWeedingSpeed and not never_stale" $$(grep --files-with-matches mark.portable tests/test_*.py)
+	$(PYTEST) -m "portable and not slow" -k "not HoeWeeding and not LaserWeedingSpeed and not never_stale" $(PORTABLE)
 
 test-slow: $(FULL)
 	$(PYTEST) -m "slow and not long"

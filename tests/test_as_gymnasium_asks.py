@@ -36,8 +36,15 @@ BACKENDS = ("analytic", "pybullet")
 EQUIPPED = [(env_id, backend) for env_id in OWN for backend in BACKENDS]
 on_every_machine = pytest.mark.parametrize(("env_id", "backend"), EQUIPPED)
 DECISIONS = 50
+AGAIN = ("fieldgym/LaserWeedingSpeed-v0", "fieldgym/HoeWeeding-v0")
+"""Two weeders that have nearly all in common with the laser's."""
 AT_LENGTH = [
-    (env_id, backend) if backend == "analytic" else pytest.param(env_id, backend, marks=pytest.mark.slow)
+    pytest.param(
+        env_id,
+        backend,
+        marks=[pytest.mark.slow] * (backend == "pybullet")
+        + [pytest.mark.long] * (backend == "pybullet" and env_id in AGAIN),
+    )
     for env_id, backend in EQUIPPED
 ]
 """The same, where a machine with its cameras takes seconds."""

@@ -284,7 +284,8 @@ def alive(pid: int) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.long), 2])
+@pytest.mark.long
+@pytest.mark.parametrize("jobs", [1, 2])
 def test_ctrl_c_in_the_terminal_ends_quietly_and_resume_completes(tmp_path: Path, script: Path, jobs: int):
     """The terminal sends Ctrl-C to the workers as well: they must not print tracebacks or lose what is written."""
     folder = tmp_path / "results"

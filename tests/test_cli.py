@@ -170,6 +170,7 @@ def test_video_shows_the_episode(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_benchmark_is_the_same_on_one_process_and_on_two(tmp_path: Path):
     def records(jobs: int) -> list[dict]:
         words = [

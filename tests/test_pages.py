@@ -19,7 +19,9 @@ PAGES = [ROOT / name for name in AT_ROOT] + sorted(
     for path in DOCS.rglob("*.md")
     if not MADE & set(path.relative_to(DOCS).parts) and f"{path.stem.upper()}.md" not in AT_ROOT
 )
-LONG = tuple(f"docs/{name}.md" for name in ("commands", "learning", "pixels", "videos", "view", "your-machine"))
+LONG = tuple(
+    f"docs/{name}.md" for name in ("benchmark", "commands", "learning", "pixels", "videos", "view", "your-machine")
+)
 """Their commands, each of them played in other tests, take minutes."""
 WITH_CODE = [page for page in PAGES if pages.blocks_of(page.read_text("utf-8"))]
 

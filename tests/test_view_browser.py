@@ -249,6 +249,7 @@ def test_a_minute_s_replay_opens_from_the_disk_without_a_network(tmp_path: Path,
     context.close()
 
 
+@pytest.mark.long
 def test_browsers_that_vanish_change_nothing(viewer: Any, browser: Any):
     pages = [opened(browser, viewer, 200) for _ in range(3)]
     viewer.order(lambda: viewer.set_running(True))

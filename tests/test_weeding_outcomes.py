@@ -248,7 +248,7 @@ def test_beliefs_hold_over_all_shots_of_a_few_strips(env_id):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", [pytest.param(one, marks=[pytest.mark.long] * ("Laser" in one)) for one in IDS])
 def test_beliefs_hold_within_two_points_in_all_classes(env_id):
     """Classes by kind, mode and how many kills were expected; what a class of n shots cannot tell counts for it."""
     seen, off = played(account_of(env_id), SHOWN.take(250, 500), eyes="classical", pictures="easy"), set()
