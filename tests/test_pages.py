@@ -45,7 +45,7 @@ def _by_name(page: Path) -> Any:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", map(_by_name, WITH_CODE))
+@pytest.mark.parametrize("page", [_by_name(page) for page in WITH_CODE])
 def test_the_code_of_a_page_runs(page: Path, tmp_path: Path) -> None:
     said = played(page, tmp_path)
     blocks = pages.blocks_of(page.read_text("utf-8"))

@@ -71,9 +71,9 @@ def browser(started: Any) -> Iterator[Any]:
 def opened(browser: Any, viewer: Any, width: int = 640) -> Any:
     page = browser.new_page(viewport={"width": width, "height": 3 * width // 4})
     page.set_default_timeout(1000.0 * PATIENCE_S)
-    page.goto(viewer.address)
-    # Several pages drawn in software are slow to show what they have.
-    page.get_by_role("button", name="One decision").wait_for(state="attached")
+    shown = page.get_by_role("button", name="One decision")
+    # Several pages drawn in software are slow to show what they have, and one that stalls is loaded again.
+    over_and_over(lambda: page.goto(viewer.address), lambda: bool(shown.count()), "the page stays empty", 30.0)
     return page
 
 
