@@ -26,6 +26,7 @@ from gymnasium.wrappers import (
     TimeAwareObservation,
     TimeLimit,
 )
+from twins import at_night
 
 from fieldgym import env_ids
 
@@ -36,14 +37,11 @@ BACKENDS = ("analytic", "pybullet")
 EQUIPPED = [(env_id, backend) for env_id in OWN for backend in BACKENDS]
 on_every_machine = pytest.mark.parametrize(("env_id", "backend"), EQUIPPED)
 DECISIONS = 50
-AGAIN = ("fieldgym/LaserWeedingSpeed-v0", "fieldgym/HoeWeeding-v0")
-"""Two weeders that have nearly all in common with the laser's."""
 AT_LENGTH = [
     pytest.param(
         env_id,
         backend,
-        marks=[pytest.mark.slow] * (backend == "pybullet")
-        + [pytest.mark.long] * (backend == "pybullet" and env_id in AGAIN),
+        marks=[pytest.mark.slow, *at_night(env_id)] * (backend == "pybullet"),
     )
     for env_id, backend in EQUIPPED
 ]

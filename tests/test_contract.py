@@ -9,6 +9,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from twins import at_night
 
 import fieldgym
 from fieldgym import TaskSpec, env_ids, register_policy, register_task, task
@@ -19,9 +20,7 @@ from fieldgym.testing import MODES, ContractError, check_batch, check_policies, 
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 OWN = tuple(env_id for env_id in env_ids() if env_id.startswith("fieldgym/"))
-# Two weeders that have nearly all in common with the laser's.
-AGAIN = ("fieldgym/LaserWeedingSpeed-v0", "fieldgym/HoeWeeding-v0")
-KEEPERS = [pytest.param(own, marks=[pytest.mark.slow, pytest.mark.long] * (own in AGAIN)) for own in OWN]
+KEEPERS = [pytest.param(own, marks=at_night(own)) for own in OWN]
 
 
 @pytest.mark.parametrize("env_id", KEEPERS)

@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
+from twins import at_night
 from typer.testing import CliRunner
 
 from fieldgym import wrappers
@@ -81,9 +82,7 @@ def test_what_is_asked_of_pictures_survives_json_copies_and_every_wrapper():
     env.close()
 
 
-# Two weeders draw as the laser's does.
-AGAIN = ("fieldgym/LaserWeedingSpeed-v0", "fieldgym/HoeWeeding-v0")
-DRAWN = [pytest.param(one, marks=[pytest.mark.slow, pytest.mark.long] * (one in AGAIN)) for one in env_ids()]
+DRAWN = [pytest.param(one, marks=at_night(one)) for one in env_ids()]
 
 
 @pytest.mark.parametrize("env_id", DRAWN)
