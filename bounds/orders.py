@@ -12,9 +12,11 @@ Who plans may know all reports from the beginning, and what stands in a cell as 
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +25,12 @@ from ..envs.transplanting.chances import held, sown
 from ..envs.transplanting.columns import H
 from ..envs.transplanting.config import EMPTY, HEALTHY, POOR, TransplantingConfig
 from ..envs.transplanting.core import TransplantingCore
-from .base import Bound, Expectation, check_method, check_start, state_of
+from .base import Bound, Expectation, check_method, check_start, relative_gap, state_of
 from .lorries import Bench, Program, Tries
+from .nursery import Nursery, nursery_of
 from .transplanting import OPEN, USELESS, Shares, TrayInstance, fastest, shares
 from .transplanting import instance_of as trays_in_line
+from .tray_plans import found
 
 Array = NDArray[np.float64]
 _WORDS = "linear program over lorries, rows, plugs and turns; shares of plugs and cells from assignment duals"
@@ -43,6 +47,8 @@ class OrderInstance:
         all_cells: ordered cells.
         config: the task's numbers.
         words: what is known of the reports.
+        core: the rules of this world, for plans to be carried out, and what these go by; None where reports are not
+            drawn.
     """
 
     bench: Bench
@@ -51,6 +57,7 @@ class OrderInstance:
     all_cells: int
     config: TransplantingConfig
     words: str
+    core: tuple[Any, Nursery] | None
 
     def bound(self, method: str = "relaxation", time_limit_s: float = 60.0) -> Bound:
         """What no policy can beat; see ``Instance``. Both methods are the same.
@@ -71,7 +78,11 @@ class OrderInstance:
             hoped.most_cells() / self.all_cells, hoped.largest_return(), "plugs and true grades by their chances", False
         )
         words = f"{_WORDS}; {self.words}"
-        return Bound(net_rate, value, cycle_s, words, False, math.nan, time.perf_counter() - began, hope)
+        reached, gap = None, math.nan
+        if self.core is not None:
+            reached = found(*self.core)
+            gap = max(relative_gap(net_rate, reached.net_rate), relative_gap(value, reached.episode_return))
+        return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, time.perf_counter() - began, hope, reached)
 
     def cycle_time_at(self, net_rate: float) -> float:
         """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had."""
@@ -122,6 +133,7 @@ def instance_of(core: TransplantingCore, reports: str = "drawn", row: int = 0) -
         all_cells=rows_t * m,
         config=config,
         words="any reports" if reports == "any" else "reports as drawn",
+        core=(copy.deepcopy(core.world(row)), nursery_of(core, row, speed, lacks)) if reports == "drawn" else None,
     )
 
 

@@ -1,15 +1,35 @@
-"""Bounds of ordered trays: every path obeys the linear program, no policy's mean over luck and grades is above it."""
+"""Bounds of ordered trays: every path obeys the linear program, no policy's mean over luck and grades is above it.
+
+And what plans that know the luck got: no more than the best of all decisions, and what the environment pays for them.
+"""
 
 from dataclasses import replace
 from itertools import product
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
+from fieldgym import bounds
+from fieldgym.agents import make_policy
+from fieldgym.agents.evaluation import evaluate
+from fieldgym.bounds import nursery, tray_plans
 from fieldgym.bounds.lorries import Program, changes
 from fieldgym.bounds.orders import OrderInstance, instance_of
-from fieldgym.envs.transplanting.columns import E, H, L, P, R, T, W
+from fieldgym.envs.transplanting.columns import (
+    NEXT_SOURCE,
+    NEXT_TARGET,
+    TURN_SOURCES,
+    TURN_TARGETS,
+    E,
+    H,
+    L,
+    P,
+    R,
+    T,
+    W,
+)
 from fieldgym.envs.transplanting.config import (
     DAMAGED,
     EMPTY,
@@ -29,6 +49,7 @@ EXACT, SOLVED = 1e-9, 1e-6
 SPEEDS = 3
 IDENTITY = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 EYES = PerceptionModel(((0.80, 0.10, 0.10), (0.05, 0.85, 0.10), (0.05, 0.30, 0.65)), IDENTITY)
+MOVES = nursery.PLANT, NEXT_TARGET, TURN_TARGETS, NEXT_SOURCE, TURN_SOURCES
 SOURCES, ORDER, SOURCE_ROW, ANOTHER = range(4)
 """The actions behind the pairs: the next tray of either carousel, the next row of either tray or the next tray."""
 
@@ -266,3 +287,91 @@ def test_no_mean_over_luck_and_grades_is_above_the_bound():
                     assert bound.episode_return == pytest.approx(cells * bound.net_rate)
                 touched[aim] += bound.episode_return - most + weights.seconds * rest_s <= 0.05
     assert touched.tolist() == [9, 6]
+
+
+class Knowing(Trying):
+    """Every decision, all luck known."""
+
+    def __init__(self, core: TransplantingCore):
+        self.core, self.state, self.pairs = core, core.state, core.action_space.n - 4
+        self.known = dict[bytes, float]()
+
+    def worth(self, here: Any, action: int) -> float:
+        """See ``Trying``."""
+        self.back(here)
+        return self.step(action, action - self.pairs)
+
+
+WIDER = 2.0, {"source": Tray(2, 2, 0.05), "source_trays": 2, "target": Tray(1, 2, 0.07), "target_trays": 2}
+
+
+def test_what_was_found_is_had_by_the_best_of_all_decisions():
+    for (every_s, shape), seeds in (*((toy, range(3)) for toy in TOYS), (WIDER, range(2))):
+        for seed, weights in product(seeds, (RewardWeights(), RewardWeights(1.0, 0.0, 0.0))):
+            book = OrderBook(every_s, 0.0, 0.5, (0.3, 0.7, 0.0), source_turn_s=0.6, target_turn_s=0.5)
+            core = ordered(seed, book, weights, **shape)
+            bound = instance_of(core).bound()
+            most = Knowing(core).best()
+            assert bound.found is not None and bound.found.net_rate <= bound.net_rate
+            assert bound.found.episode_return == pytest.approx(most, abs=EXACT)
+            assert most <= bound.episode_return + SOLVED
+
+
+def test_moves_do_and_bring_what_the_rules_say():
+    trays = {"source": Tray(3, 4, 0.05), "target": Tray(2, 3, 0.07, 0.500, 0.260), "source_trays": 3}
+    counts: Any = dict.fromkeys(MOVES, 0)
+    for seed in range(12):
+        book = OrderBook(4.0, 3.0, 0.5, (0.2, 0.5, 0.8), source_turn_s=0.3, target_turn_s=0.2)
+        instance: Any = instance_of(ordered(seed, book, RewardWeights(1.3, -0.4, -0.15), **trays, target_trays=4))
+        core, known = instance.core
+        state, now_s, brought, returned, over = nursery.start(known), 0.0, 0.0, 0.0, False
+        rng, pairs = np.random.default_rng(seed), np.zeros(4, np.int64)
+        while not over:
+            then, move = state.copy(), int(rng.choice(MOVES))
+            then_s, more, count = nursery.moved(known, then, now_s, move, pairs)
+            if count < 0:
+                # What is only as good in another sequence may be done here.
+                state[[nursery.IDLE, nursery.TURNED]] = 0
+                continue
+            state, now_s, brought, counts[move] = then, then_s, brought + more, counts[move] + 1
+            for action in pairs[:count].tolist() if move == nursery.PLANT else [core.action_space.n + move]:
+                plan = core.plan(np.array([action]))
+                result = core.apply(plan, core.nominal(plan))
+                returned, over = returned + float(result.rewards.sum()), bool(result.terminated[0])
+            rules = core.state
+            assert now_s == pytest.approx(rules.totals[0, T.time]) and brought == pytest.approx(returned)
+            assert over == nursery.all_gone(known, state, now_s)
+            if not over:
+                row, target_row = rules.source_row[0], rules.target_row[0]
+                assert (state[nursery.TRAY], state[nursery.ORDER]) == (row // 3, target_row // 2)
+                assert state[nursery.PLACE] == rules.place[0]
+                bits = int(state[nursery.FIRST + 3 + row // 3])
+                there = (known.speed[row] >= 0) & (rules.source_cells[0, row] != EMPTY)
+                assert [bits >> i & 1 for i in range(4)] == there.astype(int).tolist()
+        assert rules.totals[0, T.illegal] == 0.0
+    assert min(counts.values()) > 20
+
+
+ID = "fieldgym/TrayTransplanting-v0"
+
+
+def test_the_environment_pays_what_was_found():
+    env, paid, rates = gym.make(ID, scenario="orders", backend="analytic"), [], []
+    env.reset(seed=1)
+    known: Any = bounds.instance(ID, 1, scenario="orders")
+    for actions in tray_plans.planned(known.core[0].action_space.n, known.core[1]):
+        env.reset(seed=1)
+        over, total, step, info = False, 0.0, 0, {}
+        while not over:
+            action = int(actions[step]) if step < len(actions) else env.action_space.n - 1
+            _, reward, terminated, truncated, info = env.step(action)
+            over, total, step = terminated or truncated, total + float(reward), step + 1
+        assert step >= len(actions) and info["scorecard"]["illegal"] == 0.0
+        paid.append(total)
+        rates.append(info["scorecard"]["net_rate"])
+    bound = known.bound()
+    assert bound.found.episode_return == pytest.approx(max(paid)) and bound.found.net_rate == max(rates)
+    assert bound.found.episode_return < bound.episode_return and bound.found.net_rate < bound.net_rate
+    scores = evaluate(lambda env: make_policy("receding-horizon", env), ID, [1], scenario="orders")
+    # Who knows the luck gets far more.
+    assert scores.returns[0] + 10.0 < max(paid) and scores.scorecard["net_rate"][0] < max(rates)
