@@ -1,9 +1,10 @@
 """What the best use of plugs brings that are tried for orders, each of which leaves with its lorry: a linear program.
 
-By each lorry's time only so much can have been done. For the orders that have left by then there are the plugs that
-were tried, each of which takes its share of a transplant, the rows that were presented on both sides, the cells that
-had to be cleared to be served again, and the carousels' turns:
+By each lorry's time only so much can have been done: the plugs that were tried, each of which takes its share of a
+transplant, the rows that were presented on both sides, the cells that had to be cleared to be served again, and the
+carousels' turns. So it is told between which lorries a plug is tried:
 
+- A row that has moved on does not come back: once its tray's next one has been presented none of its plugs is tried.
 - Carousels turn one way. To present a tray takes the turns up to its place, and to come from an order of one grade to
   one of the other those up to the next change of grade; a round of the carousel has only so many.
 - A row that plugs are taken from for both grades waits while the orders change: either it is presented then, or its
@@ -104,7 +105,9 @@ class Program:
     Lorries k are counted in the order in which they leave; "by k" is by the time at which the k-th does.
 
     Attributes:
-        tried: (o,), whether a plug is tried in time.
+        tries: each of those that were given, once for every period between two lorries up to its order's.
+        period: (o,), lorries that have left before.
+        tried: (o,), whether a plug is tried in time, and when.
         shown: (orders, rows), whether a row is presented by k.
         touched: (orders, m), cells of a column that something is set into in time.
         kept: (orders,), cells that hold what they are to hold though nothing has closed them.
@@ -122,11 +125,15 @@ class Program:
 
     def __init__(self, bench: Bench, tries: Tries):
         """Write the inequalities down."""
-        self.bench, self.tries, self._rows, self._upper = bench, tries, _Rows(), []
+        self.bench, self._rows, self._upper = bench, _Rows(), []
         (trays, per), (orders, m) = bench.source, bench.cells.shape
         rows, inf = trays * per, math.inf
         self.leaves = np.argsort(bench.due_s, kind="stable")
         self.rank = np.argsort(self.leaves)
+        option, self.period = np.nonzero(np.arange(orders) <= self.rank[tries.order][:, None])
+        plugs = {"row": tries.row, "holds": tries.holds}
+        of = {name: values[option] for name, values in tries._asdict().items() if name not in plugs}
+        self.tries = tries = Tries(**plugs, **of)
         self.tried = self._take(len(tries.plug))
         self.shown = self._take(orders, rows)
         self.touched = self._take(orders, m, upper=bench.cells)
@@ -157,8 +164,8 @@ class Program:
         return begin + np.arange(math.prod(shape)).reshape(shape)
 
     def _by(self, k: int) -> tuple[Numbers, NDArray[np.bool_]]:
-        """Orders that leave by k, and which tries are for these."""
-        return self.leaves[: k + 1], self.rank[self.tries.order] <= k
+        """Orders that leave by k, and which tries are made by then."""
+        return self.leaves[: k + 1], self.period <= k
 
     def _fill(self) -> None:
         """Cells: what closes one does so for good, what else is kept was gained; what comes second takes clearing."""
@@ -176,7 +183,7 @@ class Program:
         self._rows.add(len(each), rows)
 
     def _present(self, k: int) -> None:
-        """A plug is tried once, from a row that was presented; rows come one after the other and stay so."""
+        """A plug is tried once, from a row that was presented and waits; rows come one after the other and stay so."""
         tries, shown, count = self.tries, self.shown, np.arange(len(self.tries.row))
         _, mine = self._by(k)
         self._rows.add(len(count), [(tries.plug[mine], self.tried[mine], 1.0), (count, shown[k, tries.row], -1.0)])
@@ -187,6 +194,10 @@ class Program:
         count = np.arange(len(behind))
         if len(count):
             self._rows.add(len(count), [(count, shown[k, behind], 1.0), (count, shown[k, behind - 1], -1.0)])
+        stays = (tries.row + 1) % self.bench.source[1] > 0
+        late = ~mine & stays[tries.plug]
+        moved = (np.flatnonzero(stays), shown[k, tries.row[stays] + 1], 1.0)
+        self._rows.add(len(tries.row), [(tries.plug[late], self.tried[late], 1.0), moved], 1.0)
 
     def _turn(self, k: int) -> None:
         """Turns up to the trays that are presented, of the supply and of orders."""
@@ -200,8 +211,8 @@ class Program:
     def _change(self, k: int) -> None:
         """Changes of grade for rows that serve both, and what the carousel turns for them."""
         grade, tries, (trays, per) = self.bench.grade, self.tries, self.bench.source
-        left, mine = self._by(k)
-        if len(np.unique(grade[left])) < 2:
+        _, mine = self._by(k)
+        if len(np.unique(grade)) < 2:
             return
         rows, plugs = np.arange(trays * per), np.arange(len(tries.row))
         by_grade, both, changed = self.by_grade[k], self.both[k], self.changed[k]
@@ -217,7 +228,7 @@ class Program:
         self._rows.add(1, [(0, changed, turns), (0, self.turned[k, E.target], -1.0)], turns * ahead)
 
     def _hasten(self, k: int) -> None:
-        """All that was done by k for the orders that have left takes no longer."""
+        """All that was done by k takes no longer; of cells those are known whose orders have left."""
         bench, shares, last = self.bench, self.bench.shares, k == len(self.leaves) - 1
         left, mine = self._by(k)
         row_s = bench.row_s

@@ -82,7 +82,8 @@ def walked(core: TransplantingCore, seed: int) -> tuple[Program, Any, float]:
     """A path at random, in the variables of its linear program, and what it returned."""
     state, instance, rng = core.state, instance_of(core), np.random.default_rng(seed)
     assert isinstance(instance, OrderInstance)
-    program, tries = Program(instance.bench, instance.tries), instance.tries
+    program = Program(instance.bench, instance.tries)
+    tries = program.tries
     (rows, _), m, trays = core.source_shape, core.target_shape[1], len(state.due_s[0])
     chances, luck, pairs = core.terms.chances, state.luck[0, :rows], core.action_space.n - 4
     whole = (luck[..., L.extract, None] < 0.8) & (luck[..., L.lose, None] >= chances[:, H.lose])
@@ -90,7 +91,8 @@ def walked(core: TransplantingCore, seed: int) -> tuple[Program, Any, float]:
     useful = whole & (state.source_cells[0, :rows] != EMPTY) & (state.source_reports[0, :rows] != EMPTY)
     plug = np.cumsum(useful.ravel()).reshape(useful.shape) - 1
     assert np.argwhere(useful)[:, 0].tolist() == tries.row.tolist()
-    option = {pair: i for i, pair in enumerate(zip(tries.plug.tolist(), tries.order.tolist(), strict=True))}
+    when = zip(tries.plug.tolist(), tries.order.tolist(), program.period.tolist(), strict=True)
+    option = {each: i for i, each in enumerate(when)}
     due_s, grade = state.due_s[0], state.grade[0]
     values, returned, over, idle = np.zeros(len(program.upper)), 0.0, False, 0
     touched: set[tuple[int, int, int]] = set()
@@ -129,7 +131,7 @@ def walked(core: TransplantingCore, seed: int) -> tuple[Program, Any, float]:
             values[program.kept[order]] += state.totals[0, T.healthy] - totals[T.healthy]
             if state.totals[0, T.done] > totals[T.done]:
                 source, cell = divmod(int(plan.pair[0]), m)
-                chosen = option[int(plug[row, source]), order]
+                chosen = option[int(plug[row, source]), order, int(by[0])]
                 values[program.tried[chosen]] = 1.0
                 values[program.kept[order]] -= tries.closes[chosen]
                 values[program.by_grade[by, int(grade[order] == POOR), row]] = 1.0
