@@ -149,8 +149,8 @@ def priced_orders(
     begin: Sequence[Array],
     stage: Stage,
     time_limit_s: float = 30.0,
-) -> tuple[float, Array]:
-    """Smallest bound found on what things bring on average, see the module, and its prices (n + L,).
+) -> tuple[float, Array, Array]:
+    """Smallest bound found on what things bring on average, see the module, its prices (n + L,) and nodes' worths (V,).
 
     Args:
         graph: an edge's option is the thing that it picks; its end is when that lies in its bin.
@@ -201,7 +201,8 @@ def priced_orders(
         if stale == stage.patience:
             fall, stale, here, direction = 0.5 * fall, 0, prices, np.zeros(n + several - 1)
             left = at(here)[1]
-    return float(bound), prices
+    at(prices)
+    return float(bound), prices, best
 
 
 @compiled

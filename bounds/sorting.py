@@ -8,6 +8,7 @@ at any time. Picks that bring nothing are left out: a motion by way of another p
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from ..envs.sorting.timing import hold_s, stroke_s
 from .base import Bound, Expectation, Found, check_method, check_start, relative_gap, state_of
 from .belt import Belt, Stream, best_picks, decided_late, expand, finish_s
 from .grips import Chances, chances_of, quality
+from .packer import TRUSTS, Bench, Guide, found
 from .packing import STAGES, Goods, Lines, first_prices, most_filled, priced_orders
 from .timeline import Timeline, priced
 
@@ -72,6 +74,9 @@ class SortingInstance:
         words: what was assumed of the camera.
         lines: what is ordered; None where every item counts.
         tries: what can be tried; None where reports are not drawn.
+        core: the rules of this world, for picks of orders to be carried out; None without orders, or where the model is
+            not the rules' own.
+        reports: (n,), behind what can be placed; none without ``core``.
     """
 
     belt: Belt
@@ -85,6 +90,8 @@ class SortingInstance:
     words: str
     lines: Lines | None = None
     tries: Tries | None = None
+    core: Any = None
+    reports: NDArray[np.int64] | None = None
 
     def bound(self, method: str = "relaxation", time_limit_s: float = 30.0) -> Bound:
         """What no policy can beat; see ``Instance``. Both methods are the same: the search is complete where it can be.
@@ -128,19 +135,31 @@ class SortingInstance:
         began = time.perf_counter()
         surplus = self.config.scenario.orders.surplus
         sure = Chances.sure(len(counted.gain))
-        most = _filled(self.belt, counted, sure, lines, 0.0, time_limit_s)
-        value = _filled(self.belt, self.placed, sure, lines, surplus, time_limit_s)
+        most, by_count = _filled(self.belt, counted, sure, lines, 0.0, time_limit_s)
+        value, by_value = _filled(self.belt, self.placed, sure, lines, surplus, time_limit_s)
         net_rate = math.floor(most + 1e-6) / max(self.items, 1)
         hope = None
         if self.tries is not None:
             tried, _, chances = self.tries
             ones = tried._replace(gain=np.ones(len(tried.gain)))
-            hoped_n = _filled(self.belt, ones, chances.counted(), lines, 0.0, time_limit_s)
-            hoped_v = _filled(self.belt, tried, chances, lines, surplus, time_limit_s)
+            hoped_n, _ = _filled(self.belt, ones, chances.counted(), lines, 0.0, time_limit_s)
+            hoped_v, _ = _filled(self.belt, tried, chances, lines, surplus, time_limit_s)
             hope = Expectation(hoped_n / max(self.items, 1), hoped_v, BY_CHANCE, False)
+        reached, gap = None, math.nan
+        if self.core is not None and self.reports is not None:
+            results = []
+            for stream, share, guide in ((counted, 0.0, by_count), (self.placed, surplus, by_value)):
+                book = self.config.scenario.orders
+                bench = Bench(
+                    self.belt, stream, lines, share, int(book.bin_holds), float(book.swap_s), guide, TRUSTS[0]
+                )
+                results += found(self.core, self.reports, bench)
+            reached = Found(max(n for n, _ in results) / max(self.items, 1), max(value for _, value in results))
+            gap = max(relative_gap(net_rate, reached.net_rate), relative_gap(value, reached.episode_return))
+        cycle_s = self.cycle_time_at(net_rate)
         words = f"paths in time, items and order lines priced, bins never away; {self.words}"
         seconds = time.perf_counter() - began
-        return Bound(net_rate, value, self.cycle_time_at(net_rate), words, False, math.nan, seconds, hope)
+        return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, seconds, hope, reached)
 
     def cycle_time_at(self, net_rate: float) -> float:
         """Seconds that the cycle time cannot fall below with at least this net rate; infinite when it cannot be had."""
@@ -199,8 +218,10 @@ def _best(belt: Belt, stream: Stream, labels: int, seconds: float) -> tuple[floa
     return min(found.bound, float(stream.gain.sum())), order, False
 
 
-def _filled(belt: Belt, stream: Stream, chances: Chances, lines: Lines, surplus: float, seconds: float) -> float:
-    """What things can bring on average that fill order lines, with bins never away."""
+def _filled(
+    belt: Belt, stream: Stream, chances: Chances, lines: Lines, surplus: float, seconds: float
+) -> tuple[float, Guide]:
+    """What things can bring on average that fill order lines, with bins never away, and what shows the way there."""
     # What brings nothing on average is left out, as what brings nothing at all is: who does without is no later.
     use = chances.mean(stream.gain) > 0.0
     parts = {name: getattr(stream, name)[use] for name in Stream._fields if name != "slack_m"}
@@ -208,14 +229,16 @@ def _filled(belt: Belt, stream: Stream, chances: Chances, lines: Lines, surplus:
     goods = Goods(stream.bin, stream.gain, surplus, chances)
     nowhere = stream._replace(bin=np.full(n, len(belt.places)))
     bound, prices = math.inf, first_prices(lines, goods, stream.hold_s + 2.0 * stream.least_s)
+    worth, tick_s = np.zeros(0), 0.0
     for stage in STAGES:
         paths = expand(belt, stream, stage.tick_s)
         instead = expand(belt, nowhere, stage.tick_s)[1] if (chances.least < 1.0).any() else paths[1]
         graph = Timeline(*paths, np.arange(n + 1), np.arange(n), np.ones(n))
-        bound, found = priced_orders(graph, instead, lines, goods, prices, stage, seconds)
-        prices = [found]
+        bound, found, worth = priced_orders(graph, instead, lines, goods, prices, stage, seconds)
+        prices, tick_s = [found], stage.tick_s
     earliest_s = stream.passing_s + stream.first_m / belt.paces.speed_m_s + stream.hold_s + stream.least_s
-    return min(bound, most_filled(lines, goods, earliest_s))
+    guide = Guide(tick_s, worth.reshape(-1, len(belt.places) + 1)[::-1].copy(), prices[0][:n], prices[0][n:])
+    return min(bound, most_filled(lines, goods, earliest_s)), guide
 
 
 def _lines(worlds: Any, row: int) -> Lines | None:
@@ -279,6 +302,8 @@ def instance_of(core: Any, reports: str = "drawn", row: int = 0) -> SortingInsta
         words,
         lines,
         tries,
+        copy.deepcopy(core.world(row)) if reports == "drawn" and lines is not None else None,
+        there[right],
     )
 
 

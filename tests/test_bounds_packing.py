@@ -3,11 +3,14 @@
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from fieldgym import bounds
-from fieldgym.bounds import grips, packing, sorting
+from fieldgym.agents import make_policy
+from fieldgym.agents.evaluation import evaluate
+from fieldgym.bounds import grips, packer, packing, sorting
 from fieldgym.envs.core import NominalExecutor
 from fieldgym.envs.sorting.columns import TOTAL, TRUTH
 from fieldgym.envs.sorting.config import GRADES, SCENARIOS, PerceptionModel, SortingConfig
@@ -17,6 +20,7 @@ from fieldgym.envs.sorting.order_config import OrderConfig
 from fieldgym.envs.sorting.reports import foresee
 from fieldgym.kernels.config import override
 
+ID = "fieldgym/ProduceSorting-v0"
 EXACT = 1e-9
 TOUCHED = 0.02
 """Part of a bound in expectation by which it may miss the best policy: a line may be filled on average alone."""
@@ -139,15 +143,50 @@ def best_on_average(core: SortingCore, counted: bool) -> float:
 
 
 def test_no_order_of_picks_delivers_more_than_the_bound(best_by_trying):
-    touched = 0
+    touched, reached = 0, 0
     for seed in range(6):
         core = crowded(seed)
         instance, best = sorting.instance_of(core), best_by_trying(core)
         bound = instance.bound()
+        assert bound.found is not None and bound.found.episode_return <= best.episode_return + EXACT
+        assert bound.found.net_rate <= best.net_rate
+        reached += bound.found == pytest.approx(bounds.base.Found(best.net_rate, best.episode_return))
         assert best.episode_return <= bound.episode_return + EXACT and best.net_rate <= bound.net_rate + EXACT
         assert best.cycle_time_s >= instance.cycle_time_at(best.net_rate - EXACT) - EXACT
         touched += best.net_rate == pytest.approx(bound.net_rate)
-    assert touched >= 5
+    assert touched >= 5 and reached == 6
+
+
+def test_the_environment_pays_what_was_found(monkeypatch):
+    env, seed, tried = gym.make(ID, scenario="orders", backend="analytic"), 1, []
+    packed = packer.packed
+
+    def written(core: Any, reports: Any) -> Any:
+        tried.append((reports.tolist(), packed(core, reports)))
+        return tried[-1][1]
+
+    monkeypatch.setattr(packer, "packed", written)
+    bound: Any = bounds.instance(ID, seed, scenario="orders").bound()
+    for reports, (delivered, value) in tried:
+        (_, info), total, over = env.reset(seed=seed), 0.0, False
+        state: Any = env.unwrapped.core.state  # type: ignore[attr-defined]
+        while not over:
+            slots = np.flatnonzero(state.slot_report[0] == reports[0]) if reports else np.zeros(0, int)
+            if len(slots) and info["action_mask"][slots[0]]:
+                action = int(slots[0])
+                reports = reports[1:]
+            else:
+                action = env.action_space.n - 1
+            _, reward, terminated, truncated, info = env.step(action)
+            over, total = terminated or truncated, total + float(reward)
+        assert not reports and total == pytest.approx(value) and info["scorecard"]["done"] == delivered
+    assert bound.found.episode_return == max(value for _, (_, value) in tried) <= bound.episode_return
+    assert bound.found.net_rate == max(delivered for _, (delivered, _) in tried) / info["scorecard"]["total"]
+    # What is left out, bins that are swapped, costs little; who knows the luck gets far more than a policy.
+    assert 0.0 < bound.gap < 0.05
+    scores = evaluate(lambda env: make_policy("receding-horizon-value", env), ID, [seed], scenario="orders")
+    assert scores.returns[0] + 2.0 < bound.found.episode_return
+    assert scores.scorecard["net_rate"][0] < bound.found.net_rate <= bound.net_rate
 
 
 def near(core: SortingCore) -> int:

@@ -119,18 +119,18 @@ def test_no_policy_beats_the_bound(scenario, no_policy_beats):
     found = no_policy_beats(ID, SEEDS, scenario)
     settings = {"scenario": scenario, "backend": "pybullet", "perception": "model"}
     driven = [bounds.instance(ID, seed, **settings).bound() for seed in SEEDS]
-    loose = scenario in ("field", "orders")
+    loose = scenario == "field"
     for strays, drawn in zip(driven, found, strict=True):
         # Prices of order lines come to rest a little above the least bound.
         rest = 1e-3 * drawn.episode_return if scenario == "orders" else EXACT
         assert strays.net_rate >= drawn.net_rate and strays.episode_return >= drawn.episode_return - rest
         assert not strays.proven
         # The work of drives that err may be done anywhere: their bound is one of any reports too, and proves no gap.
-        # Of orders nobody has carried the best path out.
         if loose:
             assert not drawn.proven and np.isnan(drawn.gap)
     # One item is more than that of a short stream: the mean is meant.
-    assert loose or np.mean([drawn.gap for drawn in found]) < 0.03
+    # Orders' bins are away while they are swapped, which the bound leaves out.
+    assert loose or np.mean([drawn.gap for drawn in found]) < (0.06 if scenario == "orders" else 0.03)
 
 
 @pytest.mark.parametrize("scenario", ["load-0.7", "load-1.6"])
