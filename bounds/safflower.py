@@ -7,9 +7,11 @@ candidates is left out. Visits that bring nothing are left out: by the triangle 
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +21,12 @@ from ..envs.safflower.config import EFFORTS, SafflowerConfig
 from ..envs.safflower.core import SafflowerCore
 from ..envs.safflower.process import Shears, collected_share, cut_share, dropped_share
 from ..envs.safflower.timing import DRIVE, P, legs_s, levels_s, standing_s
-from .base import Bound, Expectation, Found, check_method, check_start
+from .base import Bound, Expectation, Found, check_method, check_start, relative_gap
+from .gatherer import Row, found, row_of
 from .stops import EXACT_TARGETS, Array, Stop, largest, shortest_cycle
 from .wilting import Closing, most
+
+Numbers = NDArray[np.int64]
 
 HOPED = "cuts and suction by their means"
 _LUCKS = 12
@@ -105,10 +110,13 @@ class BagInstance(PickerInstance):
     Attributes:
         closes_s: (n,) a stop, when each target wilts.
         carried_s: (n, E) a stop, seconds of emptying the bag that each option causes at least.
+        core: the rules of this world, for decisions to be carried out, what these go by, and the reports of its heads;
+            None where reports are not drawn.
     """
 
     closes_s: list[Array]
     carried_s: list[Array]
+    core: tuple[Any, Row, Numbers] | None
 
     def bound(self, method: str = "relaxation", time_limit_s: float = 60.0) -> Bound:
         """What no policy can beat; see ``Instance``.
@@ -130,7 +138,12 @@ class BagInstance(PickerInstance):
         net_rate = min(grams / max(self.total_g, 1e-12), 1.0)
         words = f"shares of picks by the time they close, stops by dynamic programming; no clogging, {self.relaxed}"
         cycle_s = self.cycle_time_at(net_rate)
-        return Bound(net_rate, value, cycle_s, words, False, math.nan, time.perf_counter() - began, hope)
+        reached, gap = None, math.nan
+        if self.core is not None:
+            results = found(*self.core)
+            reached = Found(max(g for g, _ in results) / max(self.total_g, 1e-12), max(v for _, v in results))
+            gap = max(relative_gap(net_rate, reached.net_rate), relative_gap(value, reached.episode_return))
+        return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, time.perf_counter() - began, hope, reached)
 
     def _most(self, worths: list[Array], second: float) -> float:
         """Largest sum of worths; the clock is set back by the emptying that the first bag does not need."""
@@ -159,7 +172,8 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
     check_start(reports, core.state.head_visited[row].any() or core.state.stop[row] != 0)
     config = core.config
     read = _drawn if reports == "drawn" else _any
-    stops, heads = zip(*(read(core, row, stop, False) for stop in range(config.scenario.stops)), strict=True)
+    known = (read(core, row, stop, False) for stop in range(config.scenario.stops))
+    stops, heads, tracks = map(list, zip(*known, strict=True))
     hoped = [read(core, row, stop, True)[0] for stop in range(config.scenario.stops)]
     mass = core.state.head_mass_g[row]
     relaxed = "all candidates of a stop shown" if reports == "drawn" else "any reports, so no error and second visits"
@@ -168,16 +182,18 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
     if exact:
         relaxed = "every candidate fits into the slots"
     if not config.scenario.demanding:
-        return PickerInstance(list(stops), hoped, config, float(mass.sum()), config.process.recognise_s, relaxed, exact)
+        return PickerInstance(stops, hoped, config, float(mass.sum()), config.process.recognise_s, relaxed, exact)
     closes_s = [core.state.head_closes_s[row, here] for here in heads]
     carried_s = [_carried_s(core, row, here, stop, reports) for here, stop in zip(heads, stops, strict=True)]
-    return BagInstance(
-        list(stops), hoped, config, float(mass.sum()), config.process.recognise_s, relaxed, False, closes_s, carried_s
-    )
+    begun = float(mass.sum()), config.process.recognise_s, relaxed, False
+    core_and_row = None
+    if reports == "drawn":
+        core_and_row = copy.deepcopy(core.world(row)), row_of(core, row, stops, heads, tracks), np.concatenate(tracks)
+    return BagInstance(stops, hoped, config, *begun, closes_s, carried_s, core_and_row)
 
 
-def _drawn(core: SafflowerCore, row: int, stop: int, mean: bool) -> tuple[Stop, NDArray[np.int64]]:
-    """A stop with the reports that lie in the rules, ``mean``: over the heads' lucks; and the heads behind them."""
+def _drawn(core: SafflowerCore, row: int, stop: int, mean: bool) -> tuple[Stop, Numbers, Numbers]:
+    """A stop with the reports that lie in the rules, ``mean``: over the heads' lucks; heads behind them, and these."""
     tracks = np.arange(core.state.first[row, stop], core.state.first[row, stop + 1])
     head = core.state.track_head[row, tracks]
     target = core.state.track_target[row, tracks]
@@ -185,11 +201,12 @@ def _drawn(core: SafflowerCore, row: int, stop: int, mean: bool) -> tuple[Stop, 
     odds = None if mean else core.state.head_odds[row, head]
     gain = _gains(core.config, error, core.state.head_mass_g[row, head], odds)
     use = core.state.track_legal[row, tracks] & (gain.max(axis=1) > 0.0)
-    return _stop(core, stop, target[use], gain[use], core.state.head_mass_g[row, head][use], slack_m=0.0), head[use]
+    offered = _stop(core, stop, target[use], gain[use], core.state.head_mass_g[row, head][use], slack_m=0.0)
+    return offered, head[use], tracks[use]
 
 
-def _any(core: SafflowerCore, row: int, stop: int, mean: bool) -> tuple[Stop, NDArray[np.int64]]:
-    """A stop with every head that a report near its window could stand for, found without error, and these heads."""
+def _any(core: SafflowerCore, row: int, stop: int, mean: bool) -> tuple[Stop, Numbers, Numbers]:
+    """A stop with every head that a report near its window could stand for, without error; these heads; no reports."""
     config, centre = core.config, stop_centres(core.config.scenario)
     slack = config.process.capture_radius_m
     along = core.state.head_position[row, :, 0] + core.frame[0]
@@ -200,7 +217,8 @@ def _any(core: SafflowerCore, row: int, stop: int, mean: bool) -> tuple[Stop, ND
     heads = np.flatnonzero(near & (core.state.head_mass_g[row] > 0.0))
     mass = core.state.head_mass_g[row, heads]
     gain = _gains(config, np.zeros((len(heads), 3)), mass, None if mean else core.state.head_odds[row, heads])
-    return _stop(core, stop, core.state.head_position[row, heads], gain, mass, slack_m=slack), heads
+    offered = _stop(core, stop, core.state.head_position[row, heads], gain, mass, slack_m=slack)
+    return offered, heads, np.zeros(0, np.int64)
 
 
 def _takes_s(stop: Stop) -> Array:

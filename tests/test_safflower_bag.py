@@ -13,7 +13,7 @@ import fieldgym  # noqa: F401
 from fieldgym import bounds
 from fieldgym.agents import act_single, make_policy
 from fieldgym.agents.evaluation import evaluate
-from fieldgym.bounds import safflower
+from fieldgym.bounds import gatherer, safflower
 from fieldgym.bounds.wilting import STEP_S, Closing, most
 from fieldgym.envs.field import FieldError
 from fieldgym.envs.safflower.bag_config import Bag, Wilting
@@ -236,6 +236,40 @@ def test_no_policy_beats_the_bound_on_the_bag():
             assert scores.returns[i] <= bound.episode_return + 1e-9, name
             assert scores.scorecard["cycle_time_s"][i] >= bound.cycle_time_s or not scores.scorecard["done"][i]
             assert not bound.proven
+            # Who knows the luck gets far more, and no more than the bound.
+            assert scores.returns[i] + 0.2 < bound.found.episode_return <= bound.episode_return, name
+            assert scores.scorecard["net_rate"][i] < bound.found.net_rate <= bound.net_rate, name
+            assert bound.gap < 0.45
+
+
+def test_the_environment_pays_what_was_found(monkeypatch):
+    env, seed, tried = made("model"), 3, []
+    carried_out = gatherer.carried_out
+
+    def written(core: Any, decisions: Any, tracks: Any, efforts: int) -> Any:
+        tried.append((decisions.tolist(), tracks, carried_out(core, decisions, tracks, efforts)))
+        return tried[-1][2]
+
+    monkeypatch.setattr(gatherer, "carried_out", written)
+    monkeypatch.setattr(gatherer, "CHANGES", 4000)
+    known: Any = bounds.instance(ID, seed, scenario="bag", perception="model")
+    bound: Any = known.bound()
+    emptied, onward = 0, env.action_space.n - 2
+    for decisions, tracks, (grams, value) in tried:
+        (_, info), total, over = env.reset(seed=seed), 0.0, False
+        for did in decisions:
+            slots = np.flatnonzero(env.core.state.slot_report[0] == tracks[did // 3]) if did >= 0 else [0]
+            action = 3 * int(slots[0]) + did % 3 if did >= 0 else onward + (did == -1)
+            assert info["action_mask"][action] and not over
+            _, reward, terminated, truncated, info = env.step(action)
+            over, total, emptied = terminated or truncated, total + float(reward), emptied + (did == -1)
+        assert over and total == pytest.approx(value) and info["scorecard"]["collected_g"] == pytest.approx(grams)
+    assert emptied > len(tried)
+    assert bound.found.episode_return == max(value for *_, (_, value) in tried)
+    assert bound.found.net_rate == pytest.approx(max(grams for *_, (grams, _) in tried) / known.total_g)
+    decisions, account = gatherer.sought(known.core[1], np.random.default_rng(0).random((4000, 5)), gatherer.WARM)
+    # The rules pay what the search reckons with.
+    assert carried_out(known.core[0], decisions, known.core[2], 3)[1] == pytest.approx(account)
 
 
 def schedule(jobs: Any, order: Any, efforts: Any, begin_s: float) -> float:
@@ -288,4 +322,6 @@ def test_the_bound_is_no_lower_than_what_trying_everything_finds(seed, time_limi
     most_return, rate, cycle_s = best_by_trying(core)
     assert 0.0 < rate - 1e-9 <= bound.net_rate < 1.0
     assert most_return - 1e-9 <= bound.episode_return < most_return + 0.5
+    assert bound.found is not None and bound.found.episode_return == pytest.approx(most_return)
+    assert bound.found.net_rate == pytest.approx(rate)
     assert bound.cycle_time_s <= cycle_s + 1e-9
