@@ -201,6 +201,7 @@ class Track:
         least: how sure its pictures have to be, or it is doubtful.
         confirmed_m: cart position at which enough pictures had shown it.
         votes: (2, 3), pictures by species and stage, each counted by how sure it was.
+        voted: all of these.
         crop_votes: those that took it for a crop plant, likewise.
         best: how sure the surest picture was.
         treated: whether the tool has been sent to it.
@@ -213,6 +214,7 @@ class Track:
     least: float = 0.75
     confirmed_m: float = np.inf
     votes: Array = field(default_factory=lambda: np.zeros((2, 3)))
+    voted: float = 0.0
     crop_votes: float = 0.0
     best: float = 0.0
     treated: bool = False
@@ -229,7 +231,7 @@ class Track:
     @property
     def is_crop(self) -> bool:
         """Whether most pictures took it for a crop plant."""
-        return 2.0 * self.crop_votes > float(self.votes.sum())
+        return 2.0 * self.crop_votes > self.voted
 
     @property
     def confidence(self) -> float:
@@ -238,7 +240,7 @@ class Track:
         The share of the pictures that showed it as one, or should have, each counted by how sure it was; one more is
         taken to have shown nothing, so that many pictures are surer than few.
         """
-        weed = max(float(self.votes.sum()) - self.crop_votes, 0.0)
+        weed = max(self.voted - self.crop_votes, 0.0)
         return weed / (max(self.looks, len(self.places)) + 1.0)
 
     @property
@@ -249,7 +251,7 @@ class Track:
         elsewhere may have shown: the mean of both is less than ``least``. Where every picture is sure of what it shows,
         0.75 asks that half of them show it.
         """
-        return float(self.votes.sum()) + self.best * self.looks < 2.0 * self.least * self.looks
+        return self.voted + self.best * self.looks < 2.0 * self.least * self.looks
 
 
 class WeedTracker:
@@ -292,6 +294,8 @@ class WeedTracker:
             track.places.append(seedlings.position[i].copy())
             track.last_m = cart_m
             track.votes[seedlings.species[i], seedlings.stage[i]] += seedlings.score[i]
+            # Asked for at every decision, another one after a picture only.
+            track.voted = float(track.votes.sum())
             track.crop_votes += seedlings.score[i] * seedlings.crop[i]
             track.best = max(track.best, float(seedlings.score[i]))
             if len(track.places) == self.hits:

@@ -109,6 +109,21 @@ def test_a_blur_keeps_the_light_and_motion_smears_it_down():
     assert not seen[..., 0].any()
 
 
+@pytest.mark.parametrize("shape", [(13, 21, 3), (3, 5, 3), (1, 2, 3), (6, 1, 3)])
+def test_a_blur_adds_its_taps_up_in_their_order(shape):
+    """To the last bit, also where a picture is narrower than the blur."""
+    image = np.random.default_rng(4).uniform(0.0, 300.0, shape).astype(np.float32)
+    across, down = taps(0.7, 0.0), taps(0.9, 3.0)
+    flat, seen = np.zeros_like(image), np.zeros_like(image)
+    beyond = np.pad(image, ((0, 0), (4, 4), (0, 0)), mode="edge")
+    for i, weight in enumerate(across):
+        flat += weight * beyond[:, i : i + shape[1]]
+    beyond = np.pad(flat, ((4, 4), (0, 0), (0, 0)), mode="edge")
+    for i, weight in enumerate(down):
+        seen += weight * beyond[i : i + shape[0]]
+    np.testing.assert_array_equal(blurred(image, across, down), seen)
+
+
 def test_the_sensor_s_noise_is_each_colour_s_own_and_grows_with_light():
     dark, bright = np.full((60, 80, 3), 40.0, np.float32), np.full((60, 80, 3), 160.0, np.float32)
     rgb = sensed(bright, np.ones(3), 2.0, 0.2, 0.0, stream(3)).astype(float)

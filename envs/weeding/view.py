@@ -72,9 +72,16 @@ class FrontCamera:
 
     def place(self, track_place: Array, last_m: float, cart_m: float) -> Array:
         """Where the odometry believes that a plant is, as the cart's position is true."""
-        standing = self._scene.standing
-        slipped_m = 0.0 if standing is None else standing.slipped_m(last_m, cart_m)
-        return track_place + np.array([(self._drift - self._known) * (cart_m - last_m) + slipped_m, 0.0])
+        return self.places(track_place[None], np.array([last_m]), cart_m)[0]
+
+    def places(self, track_places: Array, last_m: Array, cart_m: float) -> Array:
+        """The same (n, 2) of plants at ``track_places`` (n, 2) that were last seen from ``last_m`` (n,)."""
+        standing, moved = self._scene.standing, track_places.copy()
+        errs_m = (self._drift - self._known) * (cart_m - last_m)
+        if standing is not None:
+            errs_m += np.array([standing.slipped_m(one_m, cart_m) for one_m in last_m.tolist()])
+        moved[:, G.along] += errs_m
+        return moved
 
     @property
     def off_m(self) -> float:
@@ -164,7 +171,8 @@ class FieldView(View[WeederPlan], ABC, Generic[SceneT]):
         # Once listed, a track keeps its place in the list.
         self._listed += [i for i, t in enumerate(tracks) if t.confirmed_m <= reached and i not in known]
         listed = [tracks[i] for i in self._listed]
-        place = np.array([front.place(t.place, t.last_m, cart) for t in listed]).reshape(-1, 2)
+        seen = np.array([t.place for t in listed]).reshape(-1, 2)
+        place = front.places(seen, np.array([t.last_m for t in listed]), cart)
         crop = np.array([t.is_crop for t in listed], bool)
         votes = np.array([t.votes for t in listed]).reshape(-1, 2, 3)
         gap = np.full(len(listed), 1.0)
