@@ -15,8 +15,8 @@ QUICK_TOUR_EPISODES = 2
 """The first environment is compared, the others are shown: together they take two minutes on two cores."""
 FULL_EPISODES = 200
 FULL_PYBULLET_EPISODES = 24
-FULL_BOUNDS, FULL_PYBULLET_BOUNDS, FULL_ORDERING_BOUNDS = 60, 12, 20
-"""So many of the fields are bounded: a bound may take seconds, where energy is scarce nine."""
+FULL_BOUNDS, FULL_PYBULLET_BOUNDS, FULL_ORDERING_BOUNDS = 40, 12, 20
+"""So many of the fields are bounded: a bound may take seconds, and gaps' intervals are narrow long before all are."""
 
 
 class Part(NamedTuple):

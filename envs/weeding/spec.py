@@ -32,9 +32,9 @@ LASER_WEEDING = TaskSpec(
     planners=("receding-horizon",),
     sights=(
         ({}, 200),
-        ({"eyes": "classical"}, 40),
+        ({"eyes": "classical"}, 24),
         ({"pictures": "easy"}, 200),
-        ({"eyes": "classical", "pictures": "easy"}, 40),
+        ({"eyes": "classical", "pictures": "easy"}, 24),
     ),
 )
 
@@ -60,7 +60,7 @@ LASER_WEEDING_SPEED = TaskSpec(
     learning="fieldgym.agents.learning:settings/LaserWeedingSpeed-v0.yaml",
     best={"": "hold-backlog", "demand-0.90": "hold-backlog-0.65", "demand-0.60": "hold-backlog-0.65"},
     planners=("hold-backlog", "hold-backlog-0.65"),  # the others' shots are planned too, their speed is constant
-    sights=(({}, 24),),  # the laser's cameras, which play many more above
+    sights=(({}, 16),),  # the laser's cameras, which play many more above
 )
 
 HOE_WEEDING = TaskSpec(
@@ -77,5 +77,5 @@ HOE_WEEDING = TaskSpec(
     learning="fieldgym.agents.learning:settings/HoeWeeding-v0.yaml",
     best={"": "receding-horizon"},
     planners=("receding-horizon",),
-    sights=(({}, 48),),
+    sights=(({}, 24),),
 )
