@@ -13,6 +13,8 @@ import fieldgym  # noqa: F401
 from fieldgym import bounds
 from fieldgym.agents import act_single, make_policy
 from fieldgym.agents.evaluation import evaluate
+from fieldgym.agents.policies.safflower_bag import BagHorizon
+from fieldgym.agents.policies.search import MOST_WIDTH
 from fieldgym.bounds import gatherer, safflower
 from fieldgym.bounds.wilting import STEP_S, Closing, most
 from fieldgym.envs.field import FieldError
@@ -325,3 +327,19 @@ def test_the_bound_is_no_lower_than_what_trying_everything_finds(seed, time_limi
     assert bound.found is not None and bound.found.episode_return == pytest.approx(most_return)
     assert bound.found.net_rate == pytest.approx(rate)
     assert bound.cycle_time_s <= cycle_s + 1e-9
+
+
+def test_a_planner_keeps_to_its_budget_by_the_narrowest_search():
+    env: Any = gym.make_vec(ID, 8, scenario="bag", vectorization_mode="vector_entry_point", perception="model")
+    usual, hurried = BagHorizon.make(env, 0), BagHorizon.make(env, 0, budget_ms=0.0)
+    narrow, leisurely = BagHorizon.make(env, 0, width=1), BagHorizon.make(env, 0, budget_ms=1e9)
+    observation, differs = env.reset(seed=list(TUNED.take(8)))[0], False
+    for step in range(40):
+        actions = usual.act(observation)
+        assert np.array_equal(hurried.act(observation), narrow.act(observation))
+        differs |= not np.array_equal(actions, narrow.act(observation))
+        if step == 5:
+            widest = BagHorizon.make(env, 0, width=MOST_WIDTH)
+            assert np.array_equal(leisurely.act(observation), widest.act(observation))
+        observation = env.step(actions)[0]
+    assert differs

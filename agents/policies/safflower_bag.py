@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from ...envs.safflower.wilting import last_closing_s
 from ...kernels import bind, compiled
 from .base import Actions, Observation
 from .safflower import NORMAL, GramsPerSecond, decided, demanding, wanted
-from .search import NOTHING, Step, Taken, search
+from .search import NOTHING, Step, Taken, search, within
 
 Array = NDArray[np.float64]
 
@@ -199,6 +199,7 @@ class BagHorizon(GramsPerSecond):
         width: int = WIDTH,
         price: float = PRICE,
         burden: float = BURDEN,
+        budget_ms: float | None = None,
     ):
         """Take the machine's numbers from the configuration.
 
@@ -209,15 +210,24 @@ class BagHorizon(GramsPerSecond):
             width: sequences kept.
             price: see ``PRICE``.
             burden: see ``BURDEN``.
+            budget_ms: wall milliseconds for a decision; the search is then as wide as it has time for, whatever
+                ``width``.
         """
         super().__init__(config, perception)
         self.config, self._depth, self._width, self._ahead, self._burden = config, depth, width, price, burden
+        self._budget_ms = budget_ms
         standing = standing_s(config)[:DRIVE]
         self._work_s = standing[:, P.shear] + standing[:, P.suck] + standing[:, P.recognise]
         self._rates = Rates.of(config)
         exact = perception == PerceptionModel.perfect()
         read_s = _EXACT_S if exact else max(float(config.scenario.wilting.read_sigma_s), _EXACT_S)
         self._read_s = _UNREAD_S if perception is None else read_s
+
+    @classmethod
+    def make(cls, env: Any, seed: int, **settings: Any) -> Any:
+        """The policy for an environment, which tells its camera."""
+        core = env.unwrapped.core
+        return cls(core.config, core.perception, **settings)
 
     def act(self, observation: Observation) -> Actions:
         """Actions (B,)."""
@@ -229,7 +239,12 @@ class BagHorizon(GramsPerSecond):
         start[:, 1] = machine[:, M.across] * ACROSS_SCALE_M
         start[:, 2] = self._filled_g(machine)
         count = np.full(len(order), slots + 1)
-        found = search(problem, start, np.zeros(len(order)), len(EFFORTS), count, self._depth, self._width)
+        idle = np.zeros(len(order))
+
+        def plan(width: int) -> NDArray[np.int64]:
+            return search(problem, start, idle, len(EFFORTS), count, self._depth, width)
+
+        found = plan(self._width) if self._budget_ms is None else within(self._budget_ms, plan)
         candidate, effort = np.divmod(np.maximum(found, 0), len(EFFORTS))
         slot = np.take_along_axis(order, np.minimum(candidate, slots - 1)[:, None], axis=1)[:, 0]
         other = np.where(found == NOTHING, 0, EMPTYING)
