@@ -169,9 +169,12 @@ def _headline(env_id: str, policy: str, kind: Kind) -> Account:
     return Account(env_id, task(env_id).headline, policy, kind)
 
 
+LASER = "fieldgym/LaserWeeding-v0"
 PICKER, SORTER, TRAYS = (f"fieldgym/{name}-v0" for name in ("SafflowerPicking", "ProduceSorting", "TrayTransplanting"))
 ACCOUNTS = (
-    _headline("fieldgym/LaserWeeding-v0", "receding-horizon", SHOTS),
+    _headline(LASER, "receding-horizon", SHOTS),
+    Account(LASER, "battery", "receding-horizon", SHOTS),
+    Account(LASER, "worth", "receding-horizon", SHOTS),
     _headline("fieldgym/HoeWeeding-v0", "receding-horizon", SHOTS),
     _headline("fieldgym/LaserWeedingSpeed-v0", "hold-backlog", SHOTS),
     Account(PICKER, "row", "route", PICKS),

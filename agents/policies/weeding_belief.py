@@ -26,7 +26,7 @@ from ...envs.weeding.outcomes import (
 )
 from ...envs.weeding.state import MODES
 from ...envs.weeding.timing import G
-from ...envs.weeding.together import set_right
+from ...envs.weeding.together import Chosen
 from ...kernels import compiled
 from .search import Taken, way_of
 
@@ -87,10 +87,10 @@ class Memory(NamedTuple):
         self.shots[again] -= 1
         self.fired[again] = False
 
-    def untouched(self, place: Array) -> Flags:
-        """Whether no own shot is remembered within ``FAR_M`` of places (B, 2) in the world."""
+    def touched(self, place: Array) -> Flags:
+        """Whether an own shot is remembered within ``FAR_M`` of places (B, 2) in the world."""
         apart_m = np.hypot(*np.moveaxis(self.place - place[:, None], -1, 0))
-        return ~((apart_m < FAR_M) & (np.arange(MEMORY) < self.shots[:, None])).any(axis=1)
+        return ((apart_m < FAR_M) & (np.arange(MEMORY) < self.shots[:, None])).any(axis=1)
 
     def add(
         self,
@@ -236,29 +236,37 @@ def kills_now(belief: Belief, count: NDArray[np.int64]) -> Array:
     return killed
 
 
-def all_together(
-    sums: Array,
+def chosen(
     belief: Belief,
     killed: Array,
     kind: NDArray[np.int64],
+    confidence: Array,
+    crop_gap_m: Array,
     slot: NDArray[np.int64],
     mode: NDArray[np.int64],
-    untouched: Flags,
-) -> Array:
-    """What shots (B,) are expected to kill, their sums set right.
+    touched: Flags,
+) -> Chosen:
+    """The shots (B,) at ``slot`` in ``mode``, to be told of.
 
     Args:
-        sums: see ``envs.weeding.together``.
         belief: of the candidates.
         killed: (B, K, M), ``kills_now``.
         kind: (B, K), reported.
+        confidence: (B, K), how sure the cameras are.
+        crop_gap_m: (B, K), reported.
         slot: (B,), what is shot at.
         mode: (B,).
-        untouched: (B,), see ``Memory``; sums that own shots have changed are left as they are: they are no longer of
-            the kind that was measured.
+        touched: (B,), see ``Memory``.
     """
     rows = np.arange(len(slot))
     near = (belief.near[rows, slot][:, None] >> np.arange(killed.shape[1]) & 1) > 0
-    whole, most = killed[rows, slot, mode], np.where(near, killed[rows, :, mode], 0.0).max(axis=1)
-    told = set_right(sums, kind[rows, slot], belief.own[rows, slot, mode], whole, most, mode)
-    return np.where(untouched, told, whole)
+    return Chosen(
+        kind=kind[rows, slot],
+        mode=mode,
+        own=belief.own[rows, slot, mode],
+        whole=killed[rows, slot, mode],
+        most=np.where(near, killed[rows, :, mode], 0.0).max(axis=1),
+        confidence=confidence[rows, slot],
+        crop_gap_m=crop_gap_m[rows, slot],
+        touched=touched,
+    )

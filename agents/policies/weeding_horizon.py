@@ -23,12 +23,12 @@ from ...envs.weeding.features import (
 from ...envs.weeding.outcomes import Outcomes, outcomes_of
 from ...envs.weeding.ridges import lift_time
 from ...envs.weeding.timing import A, G, Place, approach, move_time
-from ...envs.weeding.together import sums_of
+from ...envs.weeding.together import Chosen, Shares, set_right, sums_of
 from ...kernels import bind, compiled
 from .base import Actions, Observation
 from .search import NOTHING, Step, Taken, search, with_one, within
 from .weeding import AtSpeed, HoldBacklog, ScriptedWeeder
-from .weeding_belief import Belief, Memory, all_together, believe, kills, kills_now
+from .weeding_belief import Belief, Memory, believe, chosen, kills, kills_now
 from .weeding_outlook import Thrift, outlook
 
 Array = NDArray[np.float64]
@@ -179,6 +179,7 @@ class RecedingHorizon(ScriptedWeeder):
 
     Attributes:
         believed: (B,), kills that the last decisions are expected to bring.
+        last: what was known of the last shots when they were chosen.
 
     Args:
         config: the task's public numbers.
@@ -200,7 +201,7 @@ class RecedingHorizon(ScriptedWeeder):
         outcomes: Outcomes | None = None,
         price: float = PRICE,
         budget_ms: float | None = None,
-        sums: Array | None = None,
+        sums: Shares | None = None,
     ):
         """Take the machine's windows and move times from the configuration."""
         super().__init__(config)
@@ -215,6 +216,7 @@ class RecedingHorizon(ScriptedWeeder):
         self._price = price * config.weights.killed / config.service_s
         self._reserve_s = RESERVE * config.service_s
         self.believed = np.zeros(0)
+        self.last: Chosen | None = None
         self._memory = Memory.blank(0)
 
     @classmethod
@@ -249,10 +251,11 @@ class RecedingHorizon(ScriptedWeeder):
         slot, mode = np.where(fired, answer // modes, 0), np.where(fired, answer % modes, 0)
         place = shots.place[rows, slot]
         place[:, G.along] += cart_m
-        told = all_together(self._sums, shots.belief, killed, kind, slot, mode, self._memory.untouched(place))
-        self.believed = np.where(fired, told, 0.0)
-        confidence = candidate_table(observation)[rows, slot, C.confidence].astype(np.float64)
-        self._memory.add(cart_m, place, kind[rows, slot], confidence, mode, fired)
+        table, touched = candidate_table(observation).astype(np.float64), self._memory.touched(place)
+        confidence, crop_gap_m = table[..., C.confidence], table[..., C.crop_gap] * CROP_GAP_SCALE_M
+        self.last = chosen(shots.belief, killed, kind, confidence, crop_gap_m, slot, mode, touched)
+        self.believed = np.where(fired, set_right(self._sums, self.last), 0.0)
+        self._memory.add(cart_m, place, kind[rows, slot], confidence[rows, slot], mode, fired)
         return np.where(fired, answer, self.wait)
 
     def expected(self, observation: Observation, actions: Actions) -> Array:

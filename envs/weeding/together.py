@@ -3,7 +3,13 @@
 Tables of outcomes (``outcomes``) are means of one report at a time. Reports near each other may be of one weed: where
 all are likely their sum is too much, where all are unlikely it is too little, since one of them stands for something.
 And who shoots at the best of several reports picks what the tables promise too much of with it. So sums are held here
-to what they bring on drawn strips, by their two parts and by whether a report near promises more.
+to what they bring on drawn strips, by their two parts and by whether a report near promises more. Tips of a crop
+plant's leaves are reported for weeds at some distances from it more often than the tables' few classes of them tell, so
+that reports beside a crop plant are held to what they bring once more.
+
+What a planner shoots at is no sample of what is reported: it takes what promises most, in the mode that promises most,
+and a second shot depends on why the first was fired. So what is believed by then is held, coarsely, to what it brought
+when the planner played.
 """
 
 from __future__ import annotations
@@ -11,7 +17,7 @@ from __future__ import annotations
 import json
 import math
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,16 +55,43 @@ OWNS = (0.15, 0.45, 0.75, 0.92, 0.97, 1.03, 1.1)
 """Ascending kills among what belongs to a report that part classes of sums."""
 BESIDES = (1e-6, 0.1, 0.35, 0.65, 0.85, 0.95, 1.1, 1.5, 1.8, 2.2, 2.8, 3.6)
 """The same beside it."""
+TIPS_M = (0.015, 0.022, 0.030, 0.038, 0.050)
+"""Ascending distances to the nearest crop plant that part classes of reports beside it."""
+PLAYED = (0.2, 0.5, 0.75, 0.95, 1.05, 1.5)
+"""Ascending kills in all that part classes of shots that a planner fired."""
 SHIPPED_SUMS = "outcomes/together.json"
 _TRUST = 50.0
-"""A class counts as if so many kills more had been believed, and the share of all kinds of them had happened."""
+"""A class counts as if so many kills more had been believed, and the share of all kinds of them had happened; beside
+crop plants, as many as were believed."""
+_TRUST_PLAYED = 20.0
+"""The same where a planner played [chosen, with ``PLAYED``, on tuned seeds]."""
 _BATCH = 50
 """Strips that are drawn together."""
 
 
-def classes() -> tuple[int, int, int, int, int]:
-    """Of sums: reported kinds, whether a report near promises more or none does, own kills, kills beside, modes."""
-    return KINDS, 2, len(OWNS) + 1, len(BESIDES) + 1, MODES
+class Shares(NamedTuple):
+    """Which shares of what is believed of shots happen.
+
+    Attributes:
+        whole: (kinds, 2, own kills, kills beside, modes), by ``OWNS`` and ``BESIDES``; the second axis is whether a
+            report near promises more (0) or none does.
+        tips: (kinds, confidences, crop gaps, modes), of what is left of beliefs after that, by ``TIPS_M``.
+        played: (kinds, 2, sums, modes), of what is left after both when a planner plays, by ``PLAYED``; the second axis
+            is whether an own shot is remembered near by, which both others are not for.
+    """
+
+    whole: Array
+    tips: Array
+    played: Array
+
+    @classmethod
+    def plain(cls) -> Shares:
+        """What is believed happens."""
+        return cls(
+            np.ones((KINDS, 2, len(OWNS) + 1, len(BESIDES) + 1, MODES)),
+            np.ones((KINDS, len(CONFIDENCES) + 1, len(TIPS_M) + 1, MODES)),
+            np.ones((KINDS, 2, len(PLAYED) + 1, MODES)),
+        )
 
 
 @compiled
@@ -67,14 +100,15 @@ def add_up(
     response: Response,
     worth: Array,
     tables: Outcomes,
+    shares: Shares,
     plants: Plants,
     tracks: Tracks,
-    believed: Array,
-    happened: Array,
+    believed: Shares,
+    happened: Shares,
 ) -> None:
-    """Add what shots at all tracks of R worlds are believed to kill, and what they do, by ``classes``.
+    """Add what shots at all tracks of R worlds are believed to kill, and what they do.
 
-    ``worth`` (species, stage) is what weeds count.
+    ``worth`` (species, stage) is what weeds count. Beside crop plants ``shares.whole`` of it is believed.
     """
     room = tracks.report.shape[1]
     kind, sure = np.empty(room, np.int64), np.empty(room, np.int64)
@@ -86,14 +120,18 @@ def add_up(
         look_up(tables, tracks, r, kind, sure, own, whole, apart_m)
         for k in range(n):
             kills_of(work, response, worth, plants, tracks, r, k, killed)
+            tip = class_of(TIPS_M, tracks.crop_gap_m[r, k])
             for mode in range(MODES):
                 best = 1
                 for j in range(n):
                     if apart_m[k, j] < FAR_M and whole[j, mode] > whole[k, mode]:
                         best = 0
                 c, d = class_of(OWNS, own[k, mode]), class_of(BESIDES, whole[k, mode] - own[k, mode])
-                believed[kind[k], best, c, d, mode] += whole[k, mode]
-                happened[kind[k], best, c, d, mode] += killed[mode]
+                believed.whole[kind[k], best, c, d, mode] += whole[k, mode]
+                happened.whole[kind[k], best, c, d, mode] += killed[mode]
+                told = shares.whole[kind[k], best, c, d, mode] * whole[k, mode]
+                believed.tips[kind[k], sure[k], tip, mode] += told
+                happened.tips[kind[k], sure[k], tip, mode] += killed[mode]
 
 
 @compiled
@@ -155,50 +193,103 @@ def kills_of(
 
 def measured_sums(
     config: FieldTask, perception: PerceptionModel, process: WeedingProcess, tables: Outcomes, strips: int
-) -> Array:
-    """Shares, by ``classes``, of what ``tables`` believe that happen on level ground, on so many drawn strips.
+) -> Shares:
+    """Shares of what ``tables`` believe that happen on level ground, on so many drawn strips; ``played`` is all 1.
 
-    Rare classes lean on those of all kinds.
+    Rare classes lean on those of all kinds, beside crop plants on what is believed.
     """
     scenario = config.scenario
     strip, cameras = Strip.of(scenario), Cameras.of(scenario, config.cart, perception)
     lengths = (*strip.random_numbers, *cameras.random_numbers(scenario.max_weeds))
-    worth, seeds = np.array(scenario.worth, float), OUTCOMES.take(strips)
-    believed, happened = np.zeros(classes()), np.zeros(classes())
-    for begin in range(0, strips, _BATCH):
-        generators = [np.random.default_rng(seed) for seed in seeds[begin : begin + _BATCH]]
-        uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, lengths)
-        plants = draw_plants(strip, uniform, normal)
-        tracks = draw_tracks(cameras, plants, camera_uniform, camera_normal)
-        add_up(process.work, process.response, worth, tables, plants, tracks, believed, happened)
-    every = (happened.sum(axis=0) + _TRUST) / (believed.sum(axis=0) + _TRUST)
-    return (happened + _TRUST * every) / (believed + _TRUST)
+    worth, seeds, shares = np.array(scenario.worth, float), OUTCOMES.take(strips), Shares.plain()
+
+    def added() -> tuple[Shares, Shares]:
+        believed, happened = (Shares(*(np.zeros_like(values) for values in shares)) for _ in range(2))
+        for begin in range(0, strips, _BATCH):
+            generators = [np.random.default_rng(seed) for seed in seeds[begin : begin + _BATCH]]
+            uniform, normal, camera_uniform, camera_normal = draw_blocks(generators, lengths)
+            plants = draw_plants(strip, uniform, normal)
+            tracks = draw_tracks(cameras, plants, camera_uniform, camera_normal)
+            add_up(process.work, process.response, worth, tables, shares, plants, tracks, believed, happened)
+        return believed, happened
+
+    believed, happened = added()
+    shares = shares._replace(whole=_leaning(believed.whole, happened.whole, _TRUST))
+    believed, happened = added()
+    tips = (happened.tips + _TRUST) / (believed.tips + _TRUST)
+    tips[:, :, len(TIPS_M)] = 1.0
+    return shares._replace(tips=tips)
 
 
-@lru_cache(maxsize=1)
-def _shipped() -> dict[str, Array]:
-    return {entry["key"]: np.array(entry["share"], float) for entry in json.loads(asset_text(SHIPPED_SUMS))["tables"]}
+class Chosen(NamedTuple):
+    """Shots that are told of, one a world.
 
-
-def sums_of(config: FieldTask, perception: PerceptionModel, process: WeedingProcess) -> Array:
-    """The shares that ship for a configuration; all 1 where none do."""
-    found = _shipped().get(key_of(config, perception, process))
-    return np.ones(classes()) if found is None else found
-
-
-def set_right(
-    shares: Array, kind: NDArray[np.int64], own: Array, whole: Array, most: Array, mode: NDArray[np.int64]
-) -> Array:
-    """What shots (B,) kill all together.
-
-    Args:
-        shares: see ``measured_sums``.
+    Attributes:
         kind: (B,), reported, see ``Outcomes``.
+        mode: (B,).
         own: (B,), believed kills among what belongs to the report itself.
         whole: (B,), the same with what is believed of those beside it.
         most: (B,), the largest sum that a report within ``FAR_M`` has.
-        mode: (B,).
+        confidence: (B,), how sure the cameras are of it.
+        crop_gap_m: (B,), reported.
+        touched: (B,), whether an own shot is remembered near by.
     """
-    best = (most <= whole).astype(np.int64)
-    itself, beside = np.searchsorted(OWNS, own, side="right"), np.searchsorted(BESIDES, whole - own, side="right")
-    return shares[kind, best, itself, beside, mode] * whole
+
+    kind: NDArray[np.int64]
+    mode: NDArray[np.int64]
+    own: Array
+    whole: Array
+    most: Array
+    confidence: Array
+    crop_gap_m: Array
+    touched: NDArray[np.bool_]
+
+
+def measured_played(shares: Shares, shot: Chosen, killed: Array) -> Array:
+    """``Shares.played`` from n shots that a planner fired and what each killed (n,).
+
+    Rare classes lean on those of all kinds.
+    """
+    believed, happened = np.zeros_like(shares.played), np.zeros_like(shares.played)
+    told = _before_play(shares, shot)
+    place = _class_played(shot, told)
+    np.add.at(believed, place, told)
+    np.add.at(happened, place, killed)
+    return _leaning(believed, happened, _TRUST_PLAYED)
+
+
+def _before_play(shares: Shares, shot: Chosen) -> Array:
+    best = (shot.most <= shot.whole).astype(np.int64)
+    itself = np.searchsorted(OWNS, shot.own, side="right")
+    beside = np.searchsorted(BESIDES, shot.whole - shot.own, side="right")
+    sure = np.searchsorted(CONFIDENCES, shot.confidence, side="right")
+    tip = np.searchsorted(TIPS_M, shot.crop_gap_m, side="right")
+    share = shares.whole[shot.kind, best, itself, beside, shot.mode] * shares.tips[shot.kind, sure, tip, shot.mode]
+    return np.where(shot.touched, 1.0, share) * shot.whole
+
+
+def _class_played(shot: Chosen, told: Array) -> tuple[NDArray[np.int64], ...]:
+    return shot.kind, shot.touched.astype(np.int64), np.searchsorted(PLAYED, told, side="right"), shot.mode
+
+
+def _leaning(believed: Array, happened: Array, trust: float) -> Array:
+    """Shares (kinds, ...) that lean, by so many kills, on those of all kinds."""
+    every = (happened.sum(axis=0) + trust) / (believed.sum(axis=0) + trust)
+    return (happened + trust * every) / (believed + trust)
+
+
+@lru_cache(maxsize=1)
+def _shipped() -> dict[str, Shares]:
+    tables = json.loads(asset_text(SHIPPED_SUMS))["tables"]
+    return {entry["key"]: Shares(*(np.array(entry[name], float) for name in Shares._fields)) for entry in tables}
+
+
+def sums_of(config: FieldTask, perception: PerceptionModel, process: WeedingProcess) -> Shares:
+    """The shares that ship for a configuration; all 1 where none do."""
+    return _shipped().get(key_of(config, perception, process)) or Shares.plain()
+
+
+def set_right(shares: Shares, shot: Chosen) -> Array:
+    """What shots (B,) kill all together."""
+    told = _before_play(shares, shot)
+    return shares.played[_class_played(shot, told)] * told
