@@ -15,7 +15,7 @@ from __future__ import annotations
 import copy
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,10 @@ class OrderInstance:
     config: TransplantingConfig
     words: str
     core: tuple[Any, Nursery] | None
+
+    def without_schedule(self) -> OrderInstance:
+        """Bounds alone: what is carried out besides is sought longer than these."""
+        return replace(self, core=None)
 
     def bound(self, method: str = "relaxation", time_limit_s: float = 60.0) -> Bound:
         """What no policy can beat; see ``Instance``. Both methods are the same.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -117,6 +117,10 @@ class BagInstance(PickerInstance):
     closes_s: list[Array]
     carried_s: list[Array]
     core: tuple[Any, Row, Numbers] | None
+
+    def without_schedule(self) -> BagInstance:
+        """Bounds alone: what is carried out besides is sought longer than these."""
+        return replace(self, core=None)
 
     def bound(self, method: str = "relaxation", time_limit_s: float = 60.0) -> Bound:
         """What no policy can beat; see ``Instance``.

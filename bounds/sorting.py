@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -92,6 +92,10 @@ class SortingInstance:
     tries: Tries | None = None
     core: Any = None
     reports: NDArray[np.int64] | None = None
+
+    def without_schedule(self) -> SortingInstance:
+        """Bounds alone: what is carried out besides is sought longer than these."""
+        return replace(self, core=None)
 
     def bound(self, method: str = "relaxation", time_limit_s: float = 30.0) -> Bound:
         """What no policy can beat; see ``Instance``. Both methods are the same: the search is complete where it can be.

@@ -374,6 +374,8 @@ def test_the_environment_pays_what_was_found():
     bound = known.bound()
     assert bound.found.episode_return == pytest.approx(max(paid)) and bound.found.net_rate == max(rates)
     assert bound.found.episode_return < bound.episode_return and bound.found.net_rate < bound.net_rate
+    alone: Any = bounds.instance(ID, 1, scenario="orders", carried_out=False).bound()
+    assert alone.found is None and (alone.net_rate, alone.expected) == (bound.net_rate, bound.expected)
     scores = evaluate(lambda env: make_policy("receding-horizon", env), ID, [1], scenario="orders")
     # Who knows the luck gets far more.
     assert scores.returns[0] + 10.0 < max(paid) and scores.scorecard["net_rate"][0] < max(rates)

@@ -182,6 +182,8 @@ def test_the_environment_pays_what_was_found(monkeypatch):
         assert not reports and total == pytest.approx(value) and info["scorecard"]["done"] == delivered
     assert bound.found.episode_return == max(value for _, (_, value) in tried) <= bound.episode_return
     assert bound.found.net_rate == max(delivered for _, (delivered, _) in tried) / info["scorecard"]["total"]
+    alone: Any = bounds.instance(ID, seed, scenario="orders", carried_out=False).bound()
+    assert alone.found is None and (alone.net_rate, alone.episode_return) == (bound.net_rate, bound.episode_return)
     # What is left out, bins that are swapped, costs little; who knows the luck gets far more than a policy.
     assert 0.0 < bound.gap < 0.05
     scores = evaluate(lambda env: make_policy("receding-horizon-value", env), ID, [seed], scenario="orders")

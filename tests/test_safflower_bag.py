@@ -269,6 +269,8 @@ def test_the_environment_pays_what_was_found(monkeypatch):
     assert emptied > len(tried)
     assert bound.found.episode_return == max(value for *_, (_, value) in tried)
     assert bound.found.net_rate == pytest.approx(max(grams for *_, (grams, _) in tried) / known.total_g)
+    alone: Any = bounds.instance(ID, seed, scenario="bag", perception="model", carried_out=False).bound()
+    assert alone.found is None and (alone.net_rate, alone.expected) == (bound.net_rate, bound.expected)
     decisions, account = gatherer.sought(known.core[1], np.random.default_rng(0).random((4000, 5)), gatherer.WARM)
     # The rules pay what the search reckons with.
     assert carried_out(known.core[0], decisions, known.core[2], 3)[1] == pytest.approx(account)
