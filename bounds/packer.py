@@ -27,7 +27,7 @@ TRUSTS = 0.95, 0.8, 0.6
 """The guide knows of no swapped bins, so it promises too much; each is tried [chosen, like the numbers above, on seeds
 1000000 to 1000004]."""
 AHEAD_S = 6.0
-"""What is known later than that is not waited for."""
+"""What is known so much later than the next thing is not waited for."""
 _NONE = -1
 
 
@@ -134,8 +134,12 @@ def grown(bench: Bench, width: int, bucket_s: float) -> tuple[Numbers, float]:
             if worth > best:
                 best, best_label = worth, label
             mark(kept, label, width, had, True)
+            next_s = np.inf
             for j in range(n):
-                if had[j] or deadline[j] < now_s or stream.known_s[j] > now_s + AHEAD_S:
+                if not had[j] and deadline[j] >= now_s:
+                    next_s = min(next_s, max(stream.known_s[j], now_s))
+            for j in range(n):
+                if had[j] or deadline[j] < now_s or stream.known_s[j] > next_s + AHEAD_S:
                     continue
                 then_s = finish_s(belt, stream, j, kept.place[bucket, slot], now_s)
                 if then_s == np.inf:

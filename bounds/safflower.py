@@ -10,7 +10,9 @@ from __future__ import annotations
 import copy
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,11 +24,13 @@ from ..envs.safflower.core import SafflowerCore
 from ..envs.safflower.process import Shears, collected_share, cut_share, dropped_share
 from ..envs.safflower.timing import DRIVE, P, legs_s, levels_s, standing_s
 from .base import Bound, Expectation, Found, check_method, check_start, relative_gap
+from .clogging import clogging
 from .gatherer import Row, found, row_of
 from .stops import EXACT_TARGETS, Array, Stop, largest, shortest_cycle
 from .wilting import Closing, most
 
 Numbers = NDArray[np.int64]
+Share = Callable[[float, float], float]
 
 HOPED = "cuts and suction by their means"
 _LUCKS = 12
@@ -105,17 +109,22 @@ class PickerInstance:
 class BagInstance(PickerInstance):
     """One field with its luck where a bag fills up or heads wilt.
 
-    The bag's clogging is left out; emptying it takes its time for all filaments beyond the first bag.
+    What a bag that fills up lets drop is paid for (see ``clogging``); emptying it takes its time for all filaments
+    beyond the first bag.
 
     Attributes:
         closes_s: (n,) a stop, when each target wilts.
-        carried_s: (n, E) a stop, seconds of emptying the bag that each option causes at least.
+        least_g: (n, E) a stop, what each option brings at least; nothing where no bag fills up.
+        clogs: (n, E) a stop, grams that it loses at least with each gram in the bag; of ``stops``, and of ``hoped``.
+        most_g: a bag never holds more.
         core: the rules of this world, for decisions to be carried out, what these go by, and the reports of its heads;
             None where reports are not drawn.
     """
 
     closes_s: list[Array]
-    carried_s: list[Array]
+    least_g: list[Array]
+    clogs: tuple[list[Array], list[Array]]
+    most_g: float
     core: tuple[Any, Row, Numbers] | None
 
     def without_schedule(self) -> BagInstance:
@@ -133,14 +142,15 @@ class BagInstance(PickerInstance):
         if weights.seconds > 0.0 or weights.lost_g > weights.collected_g:
             raise ValueError("weights: the bound needs a reward that pays neither for time nor for losses")
         began = time.perf_counter()
-        grams = self._most([stop.gain for stop in self.stops], 0.0)
-        value = self._most(self.worths(self.stops), -weights.seconds)
+        (known, hoped), second = self.clogs, -weights.seconds
+        grams = self._most([stop.gain for stop in self.stops], 0.0, known)
+        value = self._most(self.worths(self.stops), second, known)
         # What is emptied is known, what is gained is not.
-        hoped_g = self._most([stop.gain for stop in self.hoped], 0.0)
-        hoped_v = self._most(self.worths(self.hoped), -weights.seconds)
+        hoped_g = self._most([stop.gain for stop in self.hoped], 0.0, hoped)
+        hoped_v = self._most(self.worths(self.hoped), second, hoped)
         hope = Expectation(hoped_g / max(self.total_g, 1e-12), hoped_v, HOPED, False)
         net_rate = min(grams / max(self.total_g, 1e-12), 1.0)
-        words = f"shares of picks by the time they close, stops by dynamic programming; no clogging, {self.relaxed}"
+        words = f"shares of picks by the time they close, stops by dynamic programming; {self.relaxed}"
         cycle_s = self.cycle_time_at(net_rate)
         reached, gap = None, math.nan
         if self.core is not None:
@@ -149,15 +159,27 @@ class BagInstance(PickerInstance):
             gap = max(relative_gap(net_rate, reached.net_rate), relative_gap(value, reached.episode_return))
         return Bound(net_rate, value, cycle_s, words, gap == 0.0, gap, time.perf_counter() - began, hope, reached)
 
-    def _most(self, worths: list[Array], second: float) -> float:
+    def _most(self, worths: list[Array], second: float, clogs: list[Array]) -> float:
         """Largest sum of worths; the clock is set back by the emptying that the first bag does not need."""
-        back_s = self.config.scenario.bag.empty_s if any(extra.any() for extra in self.carried_s) else 0.0
-        stops = [
-            Closing(worth, _takes_s(stop) + extra, closes_s, float(stop.leave_s.min()))
-            for stop, worth, extra, closes_s in zip(self.stops, worths, self.carried_s, self.closes_s, strict=True)
-        ]
-        over_s = max(max(stop.longest_s for stop in self.stops), self.config.scenario.bag.empty_s)
-        begin_s, limit_s = self.already_s - back_s, self.config.scenario.time_limit_s
+        bag, weights, limit_s = self.config.scenario.bag, self.config.weights, self.config.scenario.time_limit_s
+        back_s = bag.empty_s if any(least.any() for least in self.least_g) else 0.0
+        over_s = max(max(stop.longest_s for stop in self.stops), bag.empty_s)
+        begin_s = self.already_s - back_s
+        # What a bag saves is what emptying it costs; so that brings as much as it costs, for as long as one likes.
+        gram = weights.collected_g - weights.lost_g if second > 0.0 else 0.0
+        clogged = clogging(clogs, self.least_g, second * back_s / gram if gram > 0.0 else 0.0)
+        saved, all_s = gram * clogged.saved, limit_s + over_s - begin_s
+        stops = []
+        for stop, worth, least, cost, closes_s in zip(
+            self.stops, worths, self.least_g, clogged.costs, self.closes_s, strict=True
+        ):
+            bags = least / self.most_g
+            takes_s, worth = _takes_s(stop) + bag.empty_s * bags, worth - gram * cost + saved * bags
+            if saved > 0.0:
+                idle = np.full((1, worth.shape[1]), all_s)
+                worth, takes_s = np.vstack([worth, second * idle]), np.vstack([takes_s, idle])
+                closes_s = np.append(closes_s, begin_s + 2.0 * all_s)
+            stops.append(Closing(worth, takes_s, closes_s, float(stop.leave_s.min())))
         return most(stops, begin_s, limit_s, over_s, second) + second * back_s
 
 
@@ -176,8 +198,8 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
     check_start(reports, core.state.head_visited[row].any() or core.state.stop[row] != 0)
     config = core.config
     read = _drawn if reports == "drawn" else _any
-    known = (read(core, row, stop, False) for stop in range(config.scenario.stops))
-    stops, heads, tracks = map(list, zip(*known, strict=True))
+    offered = (read(core, row, stop, False) for stop in range(config.scenario.stops))
+    stops, heads, tracks = map(list, zip(*offered, strict=True))
     hoped = [read(core, row, stop, True)[0] for stop in range(config.scenario.stops)]
     mass = core.state.head_mass_g[row]
     relaxed = "all candidates of a stop shown" if reports == "drawn" else "any reports, so no error and second visits"
@@ -188,12 +210,15 @@ def instance_of(core: SafflowerCore, reports: str = "drawn", row: int = 0) -> Pi
     if not config.scenario.demanding:
         return PickerInstance(stops, hoped, config, float(mass.sum()), config.process.recognise_s, relaxed, exact)
     closes_s = [core.state.head_closes_s[row, here] for here in heads]
-    carried_s = [_carried_s(core, row, here, stop, reports) for here, stop in zip(heads, stops, strict=True)]
     begun = float(mass.sum()), config.process.recognise_s, relaxed, False
-    core_and_row = None
+    bag, core_and_row = config.scenario.bag, None
+    least = known = hoping = [np.zeros(stop.gain.shape) for stop in stops]
     if reports == "drawn":
         core_and_row = copy.deepcopy(core.world(row)), row_of(core, row, stops, heads, tracks), np.concatenate(tracks)
-    return BagInstance(stops, hoped, config, *begun, closes_s, carried_s, core_and_row)
+        if bag.capacity_g > 0.0:
+            least, known, hoping = map(list, zip(*map(partial(_clogs, core, row), heads, tracks), strict=True))
+    most_g = bag.capacity_g + float(mass.max(initial=0.0))
+    return BagInstance(stops, hoped, config, *begun, closes_s, least, (known, hoping), most_g, core_and_row)
 
 
 def _drawn(core: SafflowerCore, row: int, stop: int, mean: bool) -> tuple[Stop, Numbers, Numbers]:
@@ -230,26 +255,39 @@ def _takes_s(stop: Stop) -> Array:
     return stop.process_s + stop.shortest_approach_s[:, None] if stop.targets else stop.process_s
 
 
-def _carried_s(core: SafflowerCore, row: int, heads: NDArray[np.int64], stop: Stop, reports: str) -> Array:
-    """Seconds (n, E) of emptying the bag that each option causes at least: a bag never holds a head more than fills it.
+def _clogs(core: SafflowerCore, row: int, heads: Numbers, tracks: Numbers) -> tuple[Array, Array, Array]:
+    """Grams (n, E) that each effort brings into a full bag, and those that it loses at least with each gram in the bag.
 
-    Whoever picks with an unknown error may bring nothing.
+    The last of these twice, with the luck that is drawn and on average.
     """
-    bag = core.config.scenario.bag
-    if bag.capacity_g == 0.0 or reports != "drawn":
-        return np.zeros(stop.gain.shape)
-    odds, most_g = core.state.head_odds[row, heads, 1], float(core.state.head_mass_g[row].max())
-    least = stop.gain.copy()
-    for effort, suction_s in enumerate(core.config.process.suction_s):
-        dropped = dropped_share(core.config.process, suction_s)
-        clogged = dropped + (1.0 - dropped) * bag.clog
-        for head, to_collect in enumerate(odds):
-            least[head, effort] *= collected_share(clogged, to_collect) / collected_share(dropped, to_collect)
-    return bag.empty_s * least / (bag.capacity_g + most_g)
+    bag, state = core.config.scenario.bag, core.state
+    error, mass = state.head_position[row, heads] - state.track_target[row, tracks], state.head_mass_g[row, heads]
+
+    def full(dropped: float, odds: float) -> float:
+        return collected_share(dropped + (1.0 - dropped) * bag.clog, odds)
+
+    def lost(dropped: float, odds: float) -> float:
+        # By the fill, what drops is convex or concave, so it is no less than by one of the two ends.
+        share = collected_share(dropped, odds)
+        first = share * bag.clog / (odds * (1.0 - dropped) + dropped)
+        return min(first, share - full(dropped, odds)) / bag.capacity_g
+
+    odds, gains = state.head_odds[row, heads], partial(_gains, core.config, error, mass)
+    return gains(odds, full), gains(odds, lost), gains(None, lost)
 
 
-def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array | None) -> Array:
-    """Grams (n, E) that each effort brings, with the heads' lucks (n, 2) or, without them, on average."""
+def _gains(
+    config: SafflowerConfig, error: Array, mass: Array, odds: Array | None, share: Share = collected_share
+) -> Array:
+    """Grams (n, E) that each effort brings, with the heads' lucks (n, 2) or, without them, on average.
+
+    Args:
+        config: the task's numbers.
+        error: (n, 3), of the tool at each head.
+        mass: (n,), grams on it.
+        odds: (n, 2), see ``Worlds``.
+        share: what reaches the box of what is cut, by the share that drops on average and the head's luck.
+    """
     process, shears = config.process, Shears.of(config.process)
     chance, luck = np.ones(1), np.ones((len(mass), 1, 2))
     if odds is not None:
@@ -262,7 +300,7 @@ def _gains(config: SafflowerConfig, error: Array, mass: Array, odds: Array | Non
         dropped = dropped_share(process, suction_s)
         for head, ((along, across, up), grams) in enumerate(zip(error, mass, strict=True)):
             cut = [cut_share(shears, float(strokes), along, across, up, to_cut) for to_cut in luck[head, :, 0]]
-            kept = [collected_share(dropped, to_collect) for to_collect in luck[head, :, 1]]
+            kept = [share(dropped, to_collect) for to_collect in luck[head, :, 1]]
             # The two lucks have nothing to do with each other.
             gains[head, effort] = grams * float(chance @ cut) * float(chance @ kept)
     return gains

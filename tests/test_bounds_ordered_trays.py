@@ -350,7 +350,7 @@ def test_moves_do_and_bring_what_the_rules_say():
                 bits = int(state[nursery.FIRST + 3 + row // 3])
                 there = (known.speed[row] >= 0) & (rules.source_cells[0, row] != EMPTY)
                 assert [bits >> i & 1 for i in range(4)] == there.astype(int).tolist()
-        assert rules.totals[0, T.illegal] == 0.0
+        assert core.state.totals[0, T.illegal] == 0.0
     assert min(counts.values()) > 20
 
 
@@ -365,7 +365,7 @@ def test_the_environment_pays_what_was_found():
         env.reset(seed=1)
         over, total, step, info = False, 0.0, 0, {}
         while not over:
-            action = int(actions[step]) if step < len(actions) else env.action_space.n - 1
+            action = int(actions[step]) if step < len(actions) else known.core[0].action_space.n - 1
             _, reward, terminated, truncated, info = env.step(action)
             over, total, step = terminated or truncated, total + float(reward), step + 1
         assert step >= len(actions) and info["scorecard"]["illegal"] == 0.0

@@ -158,7 +158,8 @@ def test_no_order_of_picks_delivers_more_than_the_bound(best_by_trying):
 
 
 def test_the_environment_pays_what_was_found(monkeypatch):
-    env, seed, tried = gym.make(ID, scenario="orders", backend="analytic"), 1, []
+    env: Any = gym.make(ID, scenario="orders", backend="analytic")
+    seed, tried, info = 1, [], {}
     packed = packer.packed
 
     def written(core: Any, reports: Any) -> Any:
@@ -169,7 +170,7 @@ def test_the_environment_pays_what_was_found(monkeypatch):
     bound: Any = bounds.instance(ID, seed, scenario="orders").bound()
     for reports, (delivered, value) in tried:
         (_, info), total, over = env.reset(seed=seed), 0.0, False
-        state: Any = env.unwrapped.core.state  # type: ignore[attr-defined]
+        state = env.unwrapped.core.state
         while not over:
             slots = np.flatnonzero(state.slot_report[0] == reports[0]) if reports else np.zeros(0, int)
             if len(slots) and info["action_mask"][slots[0]]:
