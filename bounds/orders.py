@@ -2,7 +2,7 @@
 
 The clairvoyant one knows everything as in ``transplanting``, and has the same shares of a transplant's time; what can
 be done by each lorry's time is a linear program (see ``lorries``). Left out is which rows meet and in what sequence,
-and that plugs, rows and turns come whole.
+and that plugs, rows and turns come whole. What plans that know as much got from the rules is told too (``tray_plans``).
 
 In expectation nobody knows what will come of a plug, nor what is true of a seedling that was reported, but the chances
 of both: cells are sown independently of each other, and a tray's share of the second grade is told. So nothing that
