@@ -373,7 +373,7 @@ def test_the_environment_pays_what_was_found():
         rates.append(info["scorecard"]["net_rate"])
     bound = known.bound()
     assert bound.found.episode_return == pytest.approx(max(paid)) and bound.found.net_rate == max(rates)
-    assert 0.0 < bound.gap < 0.13 and bound.found.net_rate <= bound.net_rate
+    assert bound.found.episode_return < bound.episode_return and bound.found.net_rate < bound.net_rate
     alone: Any = bounds.instance(ID, 1, scenario="orders", carried_out=False).bound()
     assert alone.found is None and (alone.net_rate, alone.expected) == (bound.net_rate, bound.expected)
     scores = evaluate(lambda env: make_policy("receding-horizon", env), ID, [1], scenario="orders")
