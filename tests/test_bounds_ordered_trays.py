@@ -357,6 +357,8 @@ def test_moves_do_and_bring_what_the_rules_say():
 ID = "fieldgym/TrayTransplanting-v0"
 
 
+@pytest.mark.slow
+@pytest.mark.long
 def test_the_environment_pays_what_was_found():
     env, paid, rates = gym.make(ID, scenario="orders", backend="analytic"), [], []
     env.reset(seed=1)

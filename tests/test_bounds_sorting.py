@@ -118,7 +118,7 @@ def test_a_decision_put_off_is_never_done_sooner():
 def test_no_policy_beats_the_bound(scenario, no_policy_beats):
     found = no_policy_beats(ID, SEEDS, scenario)
     settings = {"scenario": scenario, "backend": "pybullet", "perception": "model"}
-    driven = [bounds.instance(ID, seed, **settings).bound() for seed in SEEDS]
+    driven = [bounds.instance(ID, seed, carried_out=False, **settings).bound() for seed in SEEDS]
     loose = scenario == "field"
     for strays, drawn in zip(driven, found, strict=True):
         # Prices of order lines come to rest a little above the least bound.
@@ -128,9 +128,8 @@ def test_no_policy_beats_the_bound(scenario, no_policy_beats):
         # The work of drives that err may be done anywhere: their bound is one of any reports too, and proves no gap.
         if loose:
             assert not drawn.proven and np.isnan(drawn.gap)
-    # One item is more than that of a short stream: the mean is meant.
-    # Orders' bins are away while they are swapped, which the bound leaves out.
-    assert loose or np.mean([drawn.gap for drawn in found]) < (0.06 if scenario == "orders" else 0.03)
+    # One item is more than that of a short stream: the mean is meant. Of orders' gap see test_bounds_packing.
+    assert loose or scenario == "orders" or np.mean([drawn.gap for drawn in found]) < 0.03
 
 
 @pytest.mark.parametrize("scenario", ["load-0.7", "load-1.6"])

@@ -70,8 +70,10 @@ def drawn() -> Iterator[tuple[str, Any]]:
             words = " ".join(settings.values())
             yield f"{name} {scenario} {words}", bounds.instance(f"fieldgym/{name}-v0", 3, scenario=scenario, **settings)
     short = {"scenario.strip_m": 0.8}
-    for name in ("LaserWeeding", "LaserWeedingSpeed", "HoeWeeding"):
-        for settings in ({}, {"backend": "pybullet", "perception": "model"}, {"backend": "pybullet"}):
+    every: Any = {}, {"backend": "pybullet", "perception": "model"}, {"backend": "pybullet"}
+    # Where the speed is chosen the rest is the laser's.
+    for name, several in (("LaserWeeding", every), ("LaserWeedingSpeed", every[:1]), ("HoeWeeding", every)):
+        for settings in several:
             words = " ".join(settings.values())
             yield f"{name} {words}", bounds.instance(f"fieldgym/{name}-v0", 3, overrides=short, **settings)
     hasty = replace(ROWS["row"], time_limit_s=260.0)
