@@ -3,8 +3,8 @@
 Planners reckon with these tables (``envs/weeding/outcomes.py``). They follow from the cameras' statistics and the
 tools' laws alone; measure them again when either changes. Prints the classes; ``--write`` puts the tables, with their
 numbers of samples, into ``assets/outcomes/weeding.json``, and what sums of them bring (``envs/weeding/together.py``)
-into ``together.json`` beside it: on the same strips, and of ``--shots`` shots that the planner fires on others, which
-takes longest.
+into ``together.json`` beside it: on the same strips, and of ``--shots`` shots that the hoe's planner fires on others,
+which takes longest.
 
 ``--check N`` plays N seeds that nothing else plays instead, behind the first ``--skip M`` of these, and holds what the
 planners of all tasks (``beliefs.ACCOUNTS``), or those whose name contains ``--only NAME``, believed of every decision
@@ -35,8 +35,9 @@ from fieldgym.scripts.beliefs import ACCOUNTS, SHOTS, TOGETHER, Account, Array, 
 
 ASSETS = Path(__file__).resolve().parents[1] / "assets"
 IDS = ("fieldgym/LaserWeeding-v0", "fieldgym/HoeWeeding-v0")
-MADE_FOR = ((IDS[0], "load-1.25"), (IDS[0], "worth"), (IDS[1], "load-1.25"))
-"""Other scenarios have their tables in common with these where only loads, speeds and energy differ."""
+MADE_FOR = ((IDS[0], "load-1.25", False), (IDS[0], "worth", False), (IDS[1], "load-1.25", True))
+"""Other scenarios have their tables in common with these where only loads, speeds and energy differ. Planners that have
+little energy or choose the speed fire others of the laser's shots: only the hoe's are held to those that were fired."""
 LOOKS = (("learned", "field"), ("classical", "easy"))
 """Eyes and pictures: the defaults, and what the weeders had before there were others."""
 DIGITS = 4
@@ -45,7 +46,7 @@ DIGITS = 4
 def table(
     env_id: str, scenario: str, eyes: str, pictures: str, strips: int, shots: int
 ) -> tuple[Outcomes, dict[str, Any], dict[str, Any]]:
-    """The tables of a task's scenario and cameras, and what is written of them and of their sums."""
+    """The tables of a task's scenario and cameras, and what is written of them and of sums; with no shots of strips."""
     config = task(env_id).assembly.configured(scenario, overrides={"eyes": eyes, "pictures": pictures})
     tool = outlook(config)
     seen = config, tool.perception, tool.process
@@ -59,10 +60,13 @@ def table(
     }
     values = {name: getattr(outcomes, name).tolist() for name in Outcomes._fields}
     sums = Shares(*(np.round(share, DIGITS) for share in measured_sums(*seen, outcomes, strips)))
-    shot, killed, fields = shots_fired(env_id, scenario, eyes, pictures, outcomes, strips, shots)
-    sums = sums._replace(played=np.round(measured_played(sums, shot, killed), DIGITS))
+    fired = {"fields": 0, "shots": 0}
+    if shots:
+        shot, killed, fields = shots_fired(env_id, scenario, eyes, pictures, outcomes, strips, shots)
+        sums = sums._replace(played=np.round(measured_played(sums, shot, killed), DIGITS))
+        fired = {"fields": fields, "shots": len(killed)}
     of = {name: getattr(sums, name).tolist() for name in Shares._fields}
-    return outcomes, told | values, told | {"fields": fields, "shots": len(killed)} | of
+    return outcomes, told | values, told | fired | of
 
 
 def shots_fired(
@@ -126,8 +130,9 @@ def main() -> None:
         check(options.check, options.skip, options.only, options.plot)
         return
     entries, sums = [], []
-    for (env_id, scenario), (eyes, pictures) in product(MADE_FOR, LOOKS):
-        outcomes, entry, sum_entry = table(env_id, scenario, eyes, pictures, options.strips, options.shots)
+    for (env_id, scenario, play), (eyes, pictures) in product(MADE_FOR, LOOKS):
+        shots = options.shots if play else 0
+        outcomes, entry, sum_entry = table(env_id, scenario, eyes, pictures, options.strips, shots)
         entries.append(entry)
         sums.append(sum_entry)
         print(f"{env_id}, {scenario}, {eyes} eyes, {pictures} pictures: {outcomes.own_count.sum():.0f} reports")

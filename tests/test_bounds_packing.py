@@ -258,10 +258,7 @@ def test_a_platform_that_strays_holds_no_less_at_best_and_no_more_at_worst():
 
 
 def test_orders_have_a_bound_in_expectation_where_reports_are_drawn():
-    for settings, drawn in (
-        ({}, True),
-        ({"backend": "pybullet", "perception": "model"}, True),
-        ({"backend": "pybullet"}, False),
-    ):
+    cases: Any = ({}, True), ({"backend": "pybullet", "perception": "model"}, True), ({"backend": "pybullet"}, False)
+    for settings, drawn in cases:
         known: Any = bounds.instance("fieldgym/ProduceSorting-v0", 1, scenario="orders", **settings)
         assert (known.tries is not None) == drawn

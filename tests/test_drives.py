@@ -308,12 +308,12 @@ def test_a_field_scenario_says_where_its_numbers_come_from(env_id):
 
 def test_the_bound_of_a_machine_that_errs_lets_it_work_anywhere():
     """As where a camera may have reported anything."""
+    cases: Any = (
+        {"scenario": "field", "perception": "model"},
+        {"scenario": "row-dense", "perception": "camera"},
+        {"scenario": "row-dense", "perception": "model"},
+    )
     found = [
-        replace(bounds.instance("fieldgym/SafflowerPicking-v0", 3, **kwargs).bound(), wall_s=0.0)
-        for kwargs in (
-            {"scenario": "field", "perception": "model"},
-            {"scenario": "row-dense", "perception": "camera"},
-            {"scenario": "row-dense", "perception": "model"},
-        )
+        replace(bounds.instance("fieldgym/SafflowerPicking-v0", 3, **kwargs).bound(), wall_s=0.0) for kwargs in cases
     ]
     assert found[0] == found[1] != found[2]

@@ -61,16 +61,16 @@ def toys() -> Iterator[tuple[str, Any, Any, Any]]:
 
 def drawn() -> Iterator[tuple[str, Any]]:
     """Whole instances: of every task, with reports as drawn, driven and any."""
+    every: Any = {}, {"backend": "pybullet", "perception": "model"}, {"backend": "pybullet"}
     for name, scenario in (
         ("SafflowerPicking", "row"),
         ("TrayTransplanting", "replug"),
         ("ProduceSorting", "load-1.6"),
     ):
-        for settings in ({}, {"backend": "pybullet", "perception": "model"}, {"backend": "pybullet"}):
+        for settings in every:
             words = " ".join(settings.values())
             yield f"{name} {scenario} {words}", bounds.instance(f"fieldgym/{name}-v0", 3, scenario=scenario, **settings)
     short = {"scenario.strip_m": 0.8}
-    every: Any = {}, {"backend": "pybullet", "perception": "model"}, {"backend": "pybullet"}
     # Where the speed is chosen the rest is the laser's.
     for name, several in (("LaserWeeding", every), ("LaserWeedingSpeed", every[:1]), ("HoeWeeding", every)):
         for settings in several:
