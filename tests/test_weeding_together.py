@@ -11,6 +11,7 @@ import fieldgym  # noqa: F401
 from fieldgym.agents.policies.weeding_belief import MEMORY, Memory
 from fieldgym.agents.policies.weeding_horizon import RecedingHorizon
 from fieldgym.envs.task import task
+from fieldgym.envs.weeding.features import CROP_GAP_SCALE_M, C, candidate_table
 from fieldgym.envs.weeding.outcomes import FAR_M, class_of, outcomes_of
 from fieldgym.envs.weeding.process import dose
 from fieldgym.envs.weeding.together import (
@@ -139,6 +140,9 @@ def test_a_planner_tells_its_shots_set_right_and_decides_as_ever():
         assert np.array_equal(told.act(observation), actions)
         fired, shot = plain.believed > 0.0, told.last
         assert shot is not None and np.array_equal(plain.believed[fired], shot.whole[fired])
+        at = candidate_table(observation)[np.flatnonzero(fired), actions[fired] // 3]
+        np.testing.assert_allclose(shot.crop_gap_m[fired], at[:, C.crop_gap] * CROP_GAP_SCALE_M, rtol=1e-6)
+        np.testing.assert_allclose(shot.confidence[fired], at[:, C.confidence], rtol=1e-6)
         expected = set_right(shares, shot)[fired]
         assert np.array_equal(told.expected(observation, actions)[fired], expected)
         assert not told.expected(observation, actions)[actions == plain.wait].any()
